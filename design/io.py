@@ -13,17 +13,16 @@ under the version that it starts from. Version 1 is the first, so no step exists
 from __future__ import annotations
 
 import os
-import tempfile
 import tomllib
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import tomlkit
 
 from design.errors import DesignError, shown
-from design.files import made_folder, read_text, unwritable, write_whole
+from design.file_sets import settle
+from design.files import read_text, write_whole
 from design.parts import catalog
 from design.parts.spectrum import CURVE_FILE, CURVES, with_curve
 from design.spec import SCHEMA_VERSION, SensorDesign
@@ -77,6 +76,7 @@ def load_design(path: str | os.PathLike[str]) -> SensorDesign:
     DesignError : the file is not readable as TOML, has another schema version, or has invalid fields.
     """
     file = Path(path)
+    settle(file.parent)
     document = read_toml(file)
     check_version(document, file)
     document = _with_own_profile(_with_own_catalog(_with_curves(document, "catalog", file), file), file)
@@ -144,30 +144,6 @@ def write_text_atomically(file: Path, text: str) -> None:
     write_whole(file, text.encode())
 
 
-@contextmanager
-def written_together(folder: Path) -> Iterator[Path]:
-    """Context manager for a hidden folder, whose files move to `folder` if the `with` block succeeds.
-
-    If the block fails, they are removed.
-
-    Raises
-    ------
-    OutputError : the folder cannot be made or written; the old files are unchanged.
-    """
-    made_folder(folder)
-    try:
-        hidden = tempfile.TemporaryDirectory(dir=folder, prefix=".", suffix=".partial")
-    except OSError as err:
-        raise unwritable(folder, err) from err
-    with hidden as made:
-        yield Path(made)
-        try:
-            for file in sorted(Path(made).iterdir()):
-                os.replace(file, folder / file.name)
-        except OSError as err:
-            raise unwritable(folder, err) from err
-
-
 def without_empty(document: Any) -> Any:
     """Nested data without None and empty tables, which TOML cannot express or does not need."""
     if isinstance(document, dict):
@@ -176,6 +152,11 @@ def without_empty(document: Any) -> Any:
     if isinstance(document, list):
         return [without_empty(item) for item in document]
     return document
+
+
+def catalog_file_entries(file: Path) -> catalog.CatalogEntries:
+    """Entries of a catalogue file; DesignError if it cannot be read or has invalid fields."""
+    return catalog.parse_entries(_with_curves({"": read_toml(file)}, "", file)[""], where=str(file))
 
 
 def _with_own_catalog(document: dict[str, Any], file: Path) -> dict[str, Any]:
@@ -187,7 +168,7 @@ def _with_own_catalog(document: dict[str, Any], file: Path) -> dict[str, Any]:
     own = catalog.CatalogEntries()
     for name in names:
         beside = _beside(file, name, CATALOG_FILES)
-        more = catalog.parse_entries(_with_curves({"": read_toml(beside)}, "", beside)[""], where=str(beside))
+        more = catalog_file_entries(beside)
         for kind in catalog.CatalogEntries.model_fields:
             doubled = sorted(set(getattr(own, kind)) & set(getattr(more, kind)))
             if doubled:

@@ -22,6 +22,7 @@ from pydantic import (
 )
 
 from design.errors import DesignError
+from design.fields.sheet_names import sheet_name_hint
 from design.files import name_fault
 
 
@@ -100,6 +101,8 @@ def nearest(name: str, known: tuple[str, ...]) -> list[str]:
 
 def unknown_path(path: str, known: tuple[str, ...]) -> DesignError:
     """Make the error for a path that does not exist in a design; the message suggests similar known paths."""
+    if hint := sheet_name_hint(path):
+        return DesignError(f"{path}: no such field in a design; {hint}")
     near = nearest(path, known)
     if not near:
         leaf = path.rsplit(".", 1)[-1]

@@ -10,10 +10,11 @@ from pydantic_core import ErrorDetails
 
 from design.errors import DesignError, shown
 from design.fields.base import IDENTIFIER_PATTERN, NAME_PATTERN, nearest
+from design.fields.sheet_names import sheet_name_hint
 
 LISTED_FINDINGS = 20
-WORDED_FINDINGS = 100
-"""Largest number of findings that are described in words; searching for similar names takes a millisecond for each."""
+WORDED_FINDINGS = 50
+"""Largest number of findings that are described in words; searching for similar names takes 1 to 20 ms for each."""
 
 _WAY_OUT = {
     "missing": "is missing; add it (see `optopad schema`, or start from `optopad new`)",
@@ -157,6 +158,8 @@ def _finding(detail: ErrorDetails, known: tuple[str, ...], identifiers: tuple[st
 
 def _near(field: str, known: tuple[str, ...]) -> str:
     """Remedy for an unknown field: known names that are similar to it, if any, or removing the field."""
+    if hint := sheet_name_hint(field):
+        return hint
     parent = field.rpartition(".")[0]
     near = nearest(field, tuple(path for path in known if path.rpartition(".")[0] == parent))
     hint = f"did you mean {', '.join(near)}? Else " if near else ""

@@ -55,6 +55,7 @@ from design.fields.quantity import (
     VoltageV,
     WavelengthNm,
 )
+from design.fields.sheet_names import sheet_name_hint
 from design.fields.validation import PATTERN_WORDS
 from design.parts.angular import AngularTable
 from design.parts.assumptions import assumption
@@ -123,7 +124,7 @@ DEFAULT_BOOT_S = 2.5
 class Part(Model):
     """An emitter or a receiver: its optical properties, and the dimensions of its body and leads."""
 
-    unsaid = (*_EMITTER_OPTIONS, *_RECEIVER_OPTIONS)
+    unsaid = (*_EMITTER_OPTIONS, *_RECEIVER_OPTIONS, "view")
 
     kind: Literal["emitter", "receiver"]
     title: Text
@@ -134,6 +135,12 @@ class Part(Model):
             description="radial: leads leave downward from the base; surface: wires leave through the back"
         ),
     ]
+    view: Annotated[
+        Literal["top", "side"] | None,
+        Field(
+            description="top: the light leaves opposite to the leads, as from a round 5 mm LED; side: across them"
+        ),
+    ] = None
     active_width_mm: Annotated[LengthMm, Field(description="emitting or sensitive area, along the wall")]
     active_height_mm: Annotated[LengthMm, Field(description="emitting or sensitive area, upward")]
     half_angle_deg: Annotated[HalfAngleDeg, Field(description="angle at which intensity or response is half")]
@@ -209,6 +216,15 @@ class Part(Model):
         if foreign:
             raise ValueError(
                 f"kind = {self.kind!r} has no {', '.join(foreign)}; remove it or correct the kind"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _light_meets_the_pad(self) -> Self:
+        if self.view == "top" and self.mounting == "radial":
+            raise ValueError(
+                "mounting = 'radial' with view = 'top': leads that leave downward send its light upward, not into the "
+                "pad; lay the part on its side with mounting = 'surface', its length as body_depth_mm"
             )
         return self
 
@@ -591,7 +607,10 @@ def _finding(detail: ErrorDetails) -> str:
         case "missing":
             return f"{field}: is missing; add it"
         case "extra_forbidden":
-            return f"{field}: is not a field of a catalogue entry; remove it or correct its spelling"
+            hint = sheet_name_hint(field)
+            return (
+                f"{field}: is not a field of a catalogue entry; {hint or 'remove it or correct its spelling'}"
+            )
         case "value_error":
             return f"{field}: {detail['msg'].removeprefix('Value error, ')}"
     message = PATTERN_WORDS.get(detail.get("ctx", {}).get("pattern", ""), "")

@@ -1,4 +1,4 @@
-"""Rules for smooth walls, angular tables and parts with a lens."""
+"""Rules for smooth walls, angular tables, parts with a lens, and round parts whose light would miss the pad."""
 
 from __future__ import annotations
 
@@ -18,6 +18,12 @@ SHORT_TABLE_DEG = 80.0
 
 Beyond it a Lambertian source emits 3 % of its power.
 """
+
+
+ROUND_LEAST = 0.95
+"""Least ratio of both widths of a body that counts as round; a side-looking part is cut by a flat."""
+LONG_LEAST = 1.15
+"""Least ratio of length and width of a round body whose axis is recognised."""
 
 
 def finish_findings(design: SensorDesign) -> Iterator[Finding]:
@@ -57,6 +63,7 @@ def angle_findings(cavity: CavityGeometry) -> Iterator[Finding]:
     for placed in {part.part_id: part for part in cavity.parts}.values():
         yield from _lens_findings(placed.part, placed.part_id, placed.origin)
         yield from _table_findings(placed.part, placed.part_id, placed.origin)
+        yield from _view_findings(placed.part, placed.part_id)
 
 
 def _half_angle_deg(part: Part) -> float:
@@ -76,6 +83,42 @@ def _lens_findings(part: Part, part_id: str, origin: str) -> Iterator[Finding]:
         limit=f"{FLAT_FACE_LEAST_DEG:g} deg or more, as behind a flat face",
         way_out="choose a flat part, or measure the angles in elastomer and give them as a table",
     )
+
+
+def _view_findings(part: Part, part_id: str) -> Iterator[Finding]:
+    """Error about a round body that is entered as if its light left across its axis.
+
+    A part's light leaves the wall horizontally. A round body that is longer than wide, as of a 5 mm LED, sends it along
+    its length, away from its leads. A side-looking body is flat where its light leaves.
+    """
+    width, depth, height = (
+        size.value for size in (part.body_width_mm, part.body_depth_mm, part.body_height_mm)
+    )
+    if part.view is not None:
+        return
+    has_lens = _half_angle_deg(part) < FLAT_FACE_LEAST_DEG
+    if _is_round(width, depth, height) and (part.mounting == "radial" or has_lens):
+        message = "a round body standing upright sends its light upward along its length, not into the pad"
+        way_out = f"mounting = 'surface', body_depth_mm = {height:g}, body_height_mm = {depth:g}"
+    elif part.mounting == "radial" and _is_round(width, height, depth):
+        message = "the leads of a round body lying on its side leave through the wall's back, not downward"
+        way_out = "mounting = 'surface'"
+    else:
+        return
+    yield error(
+        f"catalog.parts.{part_id}.mounting",
+        f"{part_id}: {message}",
+        value=f"'{part.mounting}', {width:g} x {depth:g} x {height:g} mm (width, depth into the wall, height)",
+        limit="light that leaves the wall horizontally",
+        way_out=f"lay it on its side: {way_out} (`optopad part new` writes such an entry); add view = 'side' if it is "
+        "a side-looking part",
+    )
+
+
+def _is_round(one_mm: float, other_mm: float, length_mm: float) -> bool:
+    """Whether a body has a square outline across its length, as a round body has, and is longer than wide."""
+    narrow, wide = sorted((one_mm, other_mm))
+    return narrow >= ROUND_LEAST * wide and length_mm >= LONG_LEAST * wide
 
 
 def _table_findings(part: Part, part_id: str, origin: str) -> Iterator[Finding]:

@@ -15,6 +15,7 @@ from design.errors import DesignError
 from design.fields.base import get_at
 from design.fields.packaged import data_table
 from design.fields.quantity import NM_PER_UM, Confidence, absorption_per_mm, lambertian_order
+from design.fields.sheet_names import sheet_name_hint
 from design.parts import catalog
 from design.parts.catalog import CatalogEntries, Elastomer, Part, Quantity
 from design.parts.spectrum import SpectralIndex, spectral_index
@@ -53,7 +54,7 @@ def _with_measurements(part: Part, part_id: str, values: Mapping[str, float]) ->
         if field not in known:
             raise DesignError(
                 f"part_measurements.{part_id}.{field}: {part_id} has no such value; "
-                f"it has {', '.join(sorted(known))}"
+                f"{sheet_name_hint(field) or 'it has ' + ', '.join(sorted(known))}"
             )
     changed = {name: _measured(known[name], value) for name, value in values.items()}
     try:

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from optopad.cli import collect, design, firmware, job, learning, options, physics, search, sensor
+from optopad.cli import collect, design, firmware, job, learning, options, parts, physics, search, sensor
 from optopad.cli.output import print_json, say
 from optopad.work import read_design
 
@@ -81,6 +81,8 @@ GROUPS: dict[str, dict[Verb, str]] = {
         design.check: "List everything in a design that cannot work.",
         design.schema: "Print the JSON Schema of design files, for editors.",
         design.migrate: "Convert a design file to the present schema version.",
+        parts.parts: "List the catalogue: parts, silicones, plastics, boards.",
+        parts.part: "Write the entry of a part from its data sheet.",
     },
     "Mold": {
         design.build: "Write the mold and its tools as STL, STEP and 3MF.",

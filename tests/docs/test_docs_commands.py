@@ -42,7 +42,7 @@ WITH_COMMANDS = (
 """Pages that would not be what they are without commands."""
 RUN_WHOLE = {"README.md"}
 """Pages whose commands all run in every CI run; those of the others before a release."""
-QUICK_VERBS = {"new", "check", "schema", "migrate", "driver firmware"}
+QUICK_VERBS = {"new", "check", "schema", "migrate", "driver firmware", "part new", "parts"}
 RUN_ELSEWHERE = {
     "driver ros2": "fabrication/ros2/test_workspace.py",
     "calibrate": "optopad/jobs/test_calibrate.py",
@@ -63,6 +63,8 @@ RUN_ELSEWHERE = {
     "explore": "optopad/cli/test_cli_explore.py",
     "improve": "optopad/jobs/test_improve.py",
     "migrate": "optopad/cli/test_cli_verbs.py",
+    "part new": "optopad/cli/test_cli_parts.py",
+    "parts": "optopad/cli/test_cli_parts.py",
     "rays": "optopad/cli/test_cli_rays.py",
     "report": "optopad/jobs/test_run.py",
     "schema": "optopad/cli/test_cli_verbs.py",
@@ -90,7 +92,7 @@ PAGES_WITH_COMMANDS = [page for page in PAGES if commands_of(page)]
 
 
 def verb_of(command: list[str]) -> str:
-    return " ".join(command[:2]) if command[0] == "driver" else command[0]
+    return " ".join(command[:2]) if command[0] in ("driver", "part") else command[0]
 
 
 def can_run(command: list[str]) -> bool:

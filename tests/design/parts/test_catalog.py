@@ -258,7 +258,7 @@ def test_every_look_up_names_the_nearest_entry(find, name, nearest):
 
 
 def test_a_name_like_nothing_known_lists_what_there_is():
-    with pytest.raises(DesignError, match=r"known: abs-black, pla-black\. To use your own"):
+    with pytest.raises(DesignError, match=r"known: abs-black, petg-black, pla-black\. To use your own"):
         catalog.find_mold_material(ENTRIES, "zzzz")
 
 

@@ -120,6 +120,48 @@ def test_a_lens_in_elastomer_is_told():
     assert [f for f in check(with_own_part("emitter", angular_pattern=NARROW)) if "lens" in f.message]
 
 
+def sized(width_mm, depth_mm, height_mm, half_deg=15.0, **more):
+    """An own LED of a size."""
+    sizes = {"body_width_mm": width_mm, "body_depth_mm": depth_mm, "body_height_mm": height_mm}
+    lengths = {name: quantity(value, "mm") for name, value in sizes.items()}
+    middle = quantity(height_mm / 2, "mm")
+    angle = quantity(half_deg, "deg")
+    options = {"mounting": "radial", **lengths, **more}
+    return with_own_part("emitter", active_height_in_body_mm=middle, half_angle_deg=angle, **options)
+
+
+@pytest.mark.parametrize(
+    ("size", "way_out"),
+    [
+        ((5.0, 5.0, 8.6), "body_depth_mm = 8.6, body_height_mm = 5"),  # upright: its light leaves upward
+        ((5.8, 8.6, 5.8), "mounting = 'surface'"),  # lying: its leads leave through the back
+        ((3.0, 3.0, 5.3), "body_depth_mm = 5.3"),
+    ],
+)
+def test_a_radial_led_whose_light_goes_the_wrong_way_is_an_error(size, way_out):
+    field = "catalog.parts.mine.mounting"
+    for half_deg in (15.0, 60.0):
+        (finding,) = about_field(sized(*size, half_deg), field)
+        assert finding.severity == "error"
+        assert way_out in finding.way_out
+        assert "optopad part new" in finding.way_out
+    assert about_field(sized(*size, view="side"), field) == []
+
+
+def test_a_flat_side_looking_body_and_a_round_one_on_its_side_are_no_error():
+    field = "catalog.parts.mine.mounting"
+    assert about_field(with_own_part("receiver"), field) == []
+    assert about_field(sized(5.1, 4.1, 6.9), field) == []
+    assert about_field(sized(5.8, 6.1, 5.8, mounting="surface"), field) == []
+    assert about_field(sized(5.0, 5.0, 8.6, 60.0, mounting="surface"), field) == []  # no lens: any block
+    assert [f.severity for f in about_field(sized(5.0, 5.0, 8.6, mounting="surface"), field)] == ["error"]
+
+
+def test_a_part_that_sends_its_light_upward_by_its_own_words_is_refused():
+    with pytest.raises(DesignError, match=r"mounting = 'radial' with view = 'top'.*surface"):
+        sized(5.0, 5.0, 8.6, view="top")
+
+
 def test_a_table_that_ends_early_is_told():
     design = with_own_part("emitter", angular_pattern=NARROW)
     assert [f.value for f in check(design) if "ends early" in f.message] == ["40 deg"]

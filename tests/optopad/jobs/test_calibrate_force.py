@@ -55,6 +55,30 @@ def test_a_log_by_the_same_clock_and_by_another_that_is_off_by_a_percent_gives_t
     assert (same.time_constant_s, found.time_constant_s) == (None, None)
 
 
+def test_the_moves_that_collect_wrote_give_the_force_its_course(
+    files: tuple[Path, Path], tmp_path: Path
+) -> None:
+    dataset = xr.load_dataset(files[0], engine="h5netcdf")
+    names = ["host_time", "press_x", "press_y", "press_depth"]
+    rows = np.stack([dataset[name].values for name in names], axis=1)
+    bends = np.abs(np.diff(rows[:, 1:], n=2, axis=0)).max(axis=1) > 1e-6
+    corners = rows[np.flatnonzero(np.concatenate([[True], bends, [True]]))]
+    assert len(corners) < len(rows) / 5
+    earlier = corners - [1000.0, 0.0, 0.0, 0.0]
+    unknown = np.array([[corners[0, 0], np.nan, np.nan, np.nan]])
+    moves = np.concatenate([earlier, unknown, corners])  # two runs; the log is of the second
+    held = rows[:, 3] > 0.999 * rows[:, 3].max()
+    collected = xr.Dataset({name: ("time", rows[held, k]) for k, name in enumerate(names)})
+    for k, name in enumerate(("move_time", "move_x", "move_y", "move_depth")):
+        collected[name] = ("move", moves[:, k])
+    collected.to_netcdf(tmp_path / "collected.nc", engine="h5netcdf")
+    log = read_force_log(files[1])
+    same, found = (
+        fit_force(PAD, *_pressed_force(file, log, None)) for file in (files[0], tmp_path / "collected.nc")
+    )
+    assert found.modulus_mpa == pytest.approx(same.modulus_mpa, rel=0.003)
+
+
 def test_the_clock_is_found_under_a_drift_of_the_tare_and_of_the_clock() -> None:
     time_s, press_mm, force_n = pressed(12, 0.7)
     path = TipPath(time_s=time_s, press_mm=press_mm)

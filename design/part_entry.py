@@ -1,0 +1,377 @@
+"""Catalogue entry of an LED or a photodiode from the quantities that its data sheet states.
+
+The sizes come from a table of packages (`design.parts.packages`), radiant power from the intensity on the axis
+(`design.parts.photometry`). The entry has comments with the rules that were used, where the legs leave, and how the
+part fits: heights at which the body ends flush with the clear layer, and the least wall of the housing.
+
+The least wall has the depth of the body, the gap around it and one web behind it, with the mold's default values. The
+fixing holes, and other parts of the design, may need more; `optopad check` says so.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from textwrap import wrap
+from typing import Any, Literal
+
+from pydantic import ValidationError
+
+from design.errors import InputError
+from design.fields.packaged import data_quantities
+from design.fields.quantity import Quantity
+from design.parts import catalog
+from design.parts.angular import FLAT_FACE_LEAST_DEG
+from design.parts.catalog import Part
+from design.parts.packages import Lens, Package, find_package, half_angle_in_elastomer
+from design.parts.photometry import (
+    Intensity,
+    efficacy_lm_per_w,
+    radiant_intensity_mw_per_sr,
+    radiant_power_mw,
+)
+from design.spec import Mold
+
+WIDTH = 118
+"""Longest line of a comment [characters]."""
+DIGITS = 4
+"""Significant digits of computed values."""
+SPREAD = 2.0
+"""Factor by which the power may be larger or smaller: sheets state typical intensities, and beams have side lobes."""
+GREEN_ENDS_NM, RED_ENDS_NM = 560.0, 700.0
+"""Longest wavelengths of InGaN chips (blue, green) and of AlGaInP chips (yellow to red)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sheet:
+    """Quantities that sheets of LEDs and of photodiodes state.
+
+    Attributes
+    ----------
+    part_id : identifier of the entry
+    package : name of a package, as `radial-5mm`
+    half_angle_deg : angle between the axis and the direction of half intensity or sensitivity, in air
+    lens : what becomes of the dome; None for filed flat, where there is one
+    source : name of the sheet
+    manufacturer, title : as in the catalogue; None for unknown, and for the name of the part
+    """
+
+    part_id: str
+    package: str
+    half_angle_deg: float
+    lens: Literal["filed", "kept"] | None = None
+    source: str | None = None
+    manufacturer: str | None = None
+    title: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class LedSheet(Sheet):
+    """Sheet of an LED.
+
+    Attributes
+    ----------
+    intensity : on the axis, at `current_ma`
+    wavelength_nm : peak or dominant wavelength; None for a white LED
+    current_ma : test current of the intensity
+    max_current_ma : largest continuous current; None for the test current
+    forward_voltage_v : at the test current; None for the usual one of the colour
+    """
+
+    intensity: Intensity
+    wavelength_nm: float | None
+    current_ma: float
+    max_current_ma: float | None = None
+    forward_voltage_v: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class PhotodiodeSheet(Sheet):
+    """Sheet of a photodiode.
+
+    Attributes
+    ----------
+    area_mm : width and height of the sensitive area
+    responsivity_a_per_w, wavelength_nm : responsivity, and the wavelength that it is stated for
+    dark_current_na, capacitance_pf : None for usual values
+    """
+
+    area_mm: tuple[float, float]
+    responsivity_a_per_w: float
+    wavelength_nm: float
+    dark_current_na: float | None = None
+    capacitance_pf: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class PartEntry:
+    """A new entry of the catalogue.
+
+    Attributes
+    ----------
+    part_id : its identifier
+    part : its fields
+    remarks : what the entry rests on and how the part fits, by title: light, lens, legs, flush, housing
+    wall_mm : least thickness of the wall around the cavity
+    pitch_mm : least distance of two of these parts on one wall
+    """
+
+    part_id: str
+    part: Part
+    remarks: dict[str, str]
+    wall_mm: float
+    pitch_mm: float
+
+    @property
+    def flush_floor_mm(self) -> float:
+        """Height of the active area's centre at which the body ends flush with the bottom of the clear layer [mm]."""
+        return self.part.active_height_in_body_mm.value
+
+    @property
+    def below_top_mm(self) -> float:
+        """Distance of this centre below the top of the clear layer at which the body ends flush with the top [mm]."""
+        return round(self.part.body_height_mm.value - self.flush_floor_mm, 6)
+
+    def document(self) -> dict[str, Any]:
+        """The entry as plain data for a program."""
+        return {
+            "part": self.part_id,
+            "entry": self.part.model_dump(mode="json", exclude_none=True),
+            "remarks": self.remarks,
+            "flush_floor_height_mm": self.flush_floor_mm,
+            "flush_top_below_surface_mm": self.below_top_mm,
+            "least_wall_mm": self.wall_mm,
+            "least_pitch_mm": self.pitch_mm,
+        }
+
+    def text(self) -> str:
+        """The entry as a table of a catalogue file, with comments."""
+        fields = self.part.model_dump(mode="json", exclude_none=True)
+        lines = [f"# {self.part_id}, by `optopad part new`"]
+        for title, remark in self.remarks.items():
+            lines += wrap(f"{title}: {remark}", WIDTH, initial_indent="# ", subsequent_indent="#   ")
+        lines += [f"[parts.{self.part_id}]"]
+        lines += [f"{name} = {_toml(value)}" for name, value in fields.items() if value != []]
+        return "\n".join(lines) + "\n"
+
+
+def part_entry(sheet: LedSheet | PhotodiodeSheet) -> PartEntry:
+    """Make the entry of a part from its data sheet.
+
+    Raises
+    ------
+    InputError : the package is unknown, the package has no dome to file, the intensity cannot be converted, or a size
+        or value is out of the catalogue's range.
+    """
+    package = find_package(sheet.package)
+    lens = _lens(sheet, package)
+    own = _led(sheet) if isinstance(sheet, LedSheet) else _photodiode(sheet)
+    angle = half_angle_in_elastomer(_read(sheet, sheet.half_angle_deg, "deg"), lens)
+    fields = {
+        "kind": "emitter" if isinstance(sheet, LedSheet) else "receiver",
+        "title": sheet.title or sheet.part_id,
+        "manufacturer": sheet.manufacturer or "unknown",
+        "lead_count": package.lead_count,
+        "mounting": package.mounting,
+        "view": package.view,
+        **_sizes(package, lens),
+        "half_angle_deg": angle,
+        **own,
+        "notes": (f"Lens: {_lens_remark(sheet, lens, angle)}", *package.notes),
+    }
+    part = _validated(sheet.part_id, fields)
+    room, web = (float(Mold.model_fields[name].default) for name in ("part_clearance_mm", "min_web_mm"))
+    wall_mm = round(part.body_depth_mm.value + room + web, 6)
+    pitch_mm = round(part.body_width_mm.value + 2 * room + web, 6)
+    remarks = {
+        "Light": _light_remark(sheet, part),
+        "Lens": _lens_remark(sheet, lens, angle),
+        "Legs": f"{package.legs}.",
+        "Flush": _flush_remark(part),
+        "Housing": f"the wall is at least {wall_mm:g} mm thick ({part.body_depth_mm.value:g} of body, {room:g} of gap, "
+        f"{web:g} behind it), so the mold is at least {2 * wall_mm:g} mm larger than the cavity in each direction "
+        f"with parts; two of these parts on one wall are {pitch_mm:g} mm or more apart.",
+    }
+    if package.notes:
+        remarks["Note"] = " ".join(package.notes)
+    return PartEntry(part_id=sheet.part_id, part=part, remarks=remarks, wall_mm=wall_mm, pitch_mm=pitch_mm)
+
+
+def _lens(sheet: Sheet, package: Package) -> Lens:
+    if package.dome_mm is None:
+        if sheet.lens is not None:
+            raise InputError(
+                f"--lens: {sheet.lens!r} is refused: the package {sheet.package} has no dome; leave --lens out"
+            )
+        return "none"
+    return sheet.lens or "filed"
+
+
+def _sizes(package: Package, lens: Lens) -> dict[str, Any]:
+    names = [
+        "active_width_mm",
+        "active_height_mm",
+        "body_width_mm",
+        "body_height_mm",
+        "active_height_in_body_mm",
+        "lead_pitch_mm",
+        "lead_diameter_mm",
+        "lead_setback_mm",
+    ]
+    return {name: getattr(package, name) for name in names} | {"body_depth_mm": package.depth_mm(lens)}
+
+
+def _led(sheet: LedSheet) -> dict[str, Any]:
+    most_ma = sheet.max_current_ma or sheet.current_ma
+    power_mw = _power_mw(sheet) * most_ma / sheet.current_ma
+    return {
+        "wavelength_nm": _wavelength(sheet),
+        "forward_voltage_v": _usual_voltage(sheet.wavelength_nm)
+        if sheet.forward_voltage_v is None
+        else _read(sheet, sheet.forward_voltage_v, "V", f"at {sheet.current_ma:g} mA"),
+        "max_current_ma": _read(
+            sheet, most_ma, "mA", "test current" if sheet.max_current_ma is None else "continuous"
+        ),
+        "radiant_power_mw": Quantity(
+            value=_rounded(power_mw),
+            unit="mW",
+            source=f"{sheet.intensity} at {sheet.current_ma:g} mA ({_source(sheet)}){_by_efficacy(sheet)}; "
+            f"2 pi I / (m + 1) with the half angle of {sheet.half_angle_deg:g} deg in air"
+            + (f", times {most_ma / sheet.current_ma:.3g} for {most_ma:g} mA" if sheet.max_current_ma else "")
+            + "; band: assumed, a factor of 2 for typical intensities and side lobes",
+            confidence="inferred",
+            low=_rounded(power_mw / SPREAD),
+            high=_rounded(power_mw * SPREAD),
+        ),
+    }
+
+
+def _power_mw(sheet: LedSheet) -> float:
+    """Radiant power at the test current [mW]."""
+    return radiant_power_mw(
+        radiant_intensity_mw_per_sr(sheet.intensity, sheet.wavelength_nm), sheet.half_angle_deg
+    )
+
+
+def _by_efficacy(sheet: LedSheet) -> str:
+    if sheet.intensity.unit == "mW/sr":
+        return ""
+    efficacy = efficacy_lm_per_w(sheet.wavelength_nm)
+    return f", {efficacy.value:.3g} lm/W ({efficacy.source})"
+
+
+def _wavelength(sheet: LedSheet) -> Quantity:
+    if sheet.wavelength_nm is not None:
+        return _read(sheet, sheet.wavelength_nm, "nm")
+    return Quantity(
+        value=550.0,
+        unit="nm",
+        source="assumed: phosphor band of a white LED (peaks near 450 and 550 nm)",
+        confidence="unverified",
+        low=450.0,
+        high=620.0,
+    )
+
+
+def _usual_voltage(wavelength_nm: float | None) -> Quantity:
+    """Forward voltage that is usual for an LED's colour [V]."""
+    table = data_quantities("usual_parts.toml")
+    if wavelength_nm is None or wavelength_nm <= GREEN_ENDS_NM:
+        return table["forward_voltage_blue_green_white_v"]
+    return table["forward_voltage_red_v" if wavelength_nm <= RED_ENDS_NM else "forward_voltage_infrared_v"]
+
+
+def _photodiode(sheet: PhotodiodeSheet) -> dict[str, Any]:
+    width_mm, height_mm = sheet.area_mm
+    usual = data_quantities("usual_parts.toml")
+    per_area = usual["capacitance_pf_per_mm2"]
+    ends = (per_area.value, per_area.low or per_area.value, per_area.high or per_area.value)
+    value, low, high = (_rounded(width_mm * height_mm * one) for one in ends)
+    assumed_pf = Quantity(
+        value=value, low=low, high=high, unit="pF", source=per_area.source, confidence=per_area.confidence
+    )
+    return {
+        "active_width_mm": _read(sheet, width_mm, "mm"),
+        "active_height_mm": _read(sheet, height_mm, "mm"),
+        "responsivity_a_per_w": _read(sheet, sheet.responsivity_a_per_w, "A/W"),
+        "responsivity_wavelength_nm": _read(sheet, sheet.wavelength_nm, "nm"),
+        "dark_current_na": usual["dark_current_na"]
+        if sheet.dark_current_na is None
+        else _read(sheet, sheet.dark_current_na, "nA"),
+        "capacitance_pf": assumed_pf
+        if sheet.capacitance_pf is None
+        else _read(sheet, sheet.capacitance_pf, "pF"),
+    }
+
+
+def _light_remark(sheet: LedSheet | PhotodiodeSheet, part: Part) -> str:
+    if isinstance(sheet, PhotodiodeSheet):
+        return (
+            f"{sheet.responsivity_a_per_w:g} A/W at {sheet.wavelength_nm:g} nm on "
+            f"{sheet.area_mm[0]:g} x {sheet.area_mm[1]:g} mm; other wavelengths have less: see the sheet's curve."
+        )
+    assert part.radiant_power_mw is not None  # every LED's entry has it
+    axis = radiant_intensity_mw_per_sr(sheet.intensity, sheet.wavelength_nm)
+    converted = "" if sheet.intensity.unit == "mW/sr" else f" is {axis:.3g} mW/sr{_by_efficacy(sheet)}"
+    return (
+        f"{sheet.intensity}{converted}; as cos^m with the half angle of {sheet.half_angle_deg:g} deg in air that is "
+        f"{_power_mw(sheet):.3g} mW at {sheet.current_ma:g} mA, so {part.radiant_power_mw.value:.3g} mW at "
+        f"max_current_ma, to a factor of {SPREAD:g}."
+    )
+
+
+def _lens_remark(sheet: Sheet, lens: Lens, angle: Quantity) -> str:
+    if lens == "filed":
+        return (
+            f"file the dome flat and polish it: the half angle is then about {angle.value:g} deg (Lambertian, assumed; "
+            f"beyond about {angle.low:g} deg the side of the body takes light) instead of {sheet.half_angle_deg:g} deg."
+        )
+    if lens == "kept":
+        return (
+            f"the dome stays on. In silicone it keeps a sixth of its effect: about {angle.value:g} deg (estimated) "
+            f"instead of {sheet.half_angle_deg:g} deg in air. Its tip is flush with the wall."
+        )
+    said = f"no dome: the half angle of {sheet.half_angle_deg:g} deg is used as the sheet states it"
+    if sheet.half_angle_deg < FLAT_FACE_LEAST_DEG:
+        said += ", but so narrow a beam comes from a lens, which loses most of its effect in silicone"
+    return f"{said}."
+
+
+def _flush_remark(part: Part) -> str:
+    base, height = part.active_height_in_body_mm.value, part.body_height_mm.value
+    return (
+        f"the body ends flush with the bottom of the clear layer at height_mm = {base:g}, and flush with its top at "
+        f"cavity.clear_thickness_mm - {height - base:g}; a clear layer of {height:g} mm has both."
+    )
+
+
+def _validated(part_id: str, fields: dict[str, Any]) -> Part:
+    try:
+        part = Part.model_validate(fields)
+    except ValidationError as err:
+        first = err.errors(include_url=False)[0]
+        named = ".".join(map(str, first["loc"]))
+        said = first["msg"].removeprefix("Value error, ")
+        raise InputError(f"{part_id}: {f'{named}: ' if named else ''}{said}") from None
+    catalog.parse_entries({"parts": {part_id: part.model_dump(mode="json", exclude_none=True)}}, part_id)
+    return part
+
+
+def _source(sheet: Sheet) -> str:
+    return sheet.source or f"data sheet of {sheet.part_id}"
+
+
+def _read(sheet: Sheet, value: float, unit: str, remark: str = "") -> Quantity:
+    said = f"{_source(sheet)}: {remark}" if remark else _source(sheet)
+    return Quantity(value=value, unit=unit, source=said, confidence="read")
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.{DIGITS}g}")
+
+
+def _toml(value: Any) -> str:
+    """A plain value as TOML on one line; JSON writes texts as TOML does, but for the control character DEL."""
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{name} = {_toml(one)}" for name, one in value.items()) + " }"
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

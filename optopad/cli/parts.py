@@ -1,0 +1,408 @@
+"""Commands for the catalogue: a new part from its data sheet (part new), and an overview (parts)."""
+
+from __future__ import annotations
+
+import math
+import re
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from textwrap import shorten
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from design.errors import InputError
+from optopad.cli import options
+from optopad.cli.output import tell
+
+if TYPE_CHECKING:
+    from design.part_entry import LedSheet, PartEntry, PhotodiodeSheet
+    from design.parts.listing import Listed
+    from design.parts.photometry import Intensity
+
+part = typer.Typer(
+    name="part",
+    help="A part of your own for the catalogue.",
+    no_args_is_help=True,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+KINDS = ("led", "photodiode")
+Given = dict[str, Any]
+"""Texts of the options by name, with dashes; None for those that were left out."""
+
+QUESTIONS = {
+    "kind": "Kind (led or photodiode)",
+    "package": "Package (radial-5mm, radial-3mm, side-looking-5mm, side-looking-thin, plcc-2, 0805, coupler-...)",
+    "intensity": "Intensity on the axis, with its unit (as 250mcd or 12mW/sr)",
+    "viewing-angle": "Viewing angle 2θ½, the full angle of half intensity [deg]",
+    "wavelength": "Wavelength [nm] (of the responsivity; white for a white LED)",
+    "current": "Test current of the intensity [mA]",
+    "area": "Sensitive area (as 7.5 for mm2, or 2.65x2.65 for mm)",
+    "responsivity": "Responsivity [A/W]",
+    "half-angle": "Half angle θ½, from the axis [deg]",
+}
+NEEDED = {
+    "led": ("package", "intensity", "viewing-angle", "wavelength", "current"),
+    "photodiode": ("package", "area", "responsivity", "wavelength", "half-angle"),
+}
+LED_ONLY = ("intensity", "current", "max-current", "forward-voltage")
+PHOTODIODE_ONLY = ("area", "responsivity", "dark-current", "capacitance")
+LIMITS = {
+    "wavelength": (200.0, 2000.0, "nm", "wavelengths are in nanometres"),
+    "current": (0.0, 5000.0, "mA", "currents are positive and in mA"),
+    "max-current": (0.0, 5000.0, "mA", "currents are positive and in mA"),
+    "forward-voltage": (0.0, 20.0, "V", "voltages are positive and in V"),
+    "responsivity": (0.0, 2.0, "A/W", "give the value at --wavelength in A/W"),
+    "dark-current": (0.0, 1e6, "nA", "dark currents are in nA"),
+    "capacitance": (0.0, 1e6, "pF", "capacitances are in pF"),
+    "viewing-angle": (
+        2.0,
+        178.0,
+        "deg",
+        "a viewing angle is the full angle 2θ½ between both half intensities",
+    ),
+    "half-angle": (
+        1.0,
+        89.0,
+        "deg",
+        "a half angle is from the axis; is it a viewing angle? then --viewing-angle",
+    ),
+}
+"""Range of each number, its unit and a remedy; a low end of 0 is excluded, except for dark currents."""
+SOURCE = 60
+"""Longest source in the overview of the whole catalogue [characters]."""
+_NUMBER = r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*"
+_UNITS = {"mcd": ("mcd", 1.0), "cd": ("mcd", 1e3), "mw/sr": ("mW/sr", 1.0), "w/sr": ("mW/sr", 1e3)}
+
+
+@part.command(short_help="Write a part's entry from its data sheet.")
+def new(
+    name: Annotated[
+        str, typer.Argument(metavar="NAME", help="Identifier of the part: small letters, digits, dashes.")
+    ],
+    kind: Annotated[
+        str | None, typer.Option(metavar="led|photodiode", help="What the part is; prompted for if left out.")
+    ] = None,
+    package: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="radial-5mm, radial-3mm, side-looking-5mm, side-looking-thin, plcc-2, 0805, coupler-tcrt5000 or "
+            "coupler-qre1113.",
+        ),
+    ] = None,
+    intensity: Annotated[
+        str | None,
+        typer.Option(metavar="VALUE", help="LED: intensity on the axis, as 250mcd or 12mW/sr."),
+    ] = None,
+    viewing_angle: Annotated[
+        str | None,
+        typer.Option("--viewing-angle", metavar="DEG", help="Viewing angle 2θ½: the full angle."),
+    ] = None,
+    half_angle: Annotated[
+        str | None,
+        typer.Option(
+            "--half-angle", metavar="DEG", help="Half angle ±θ½ from the axis, instead of --viewing-angle."
+        ),
+    ] = None,
+    wavelength: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NM", help="LED: peak or dominant, or `white`; photodiode: of the responsivity."
+        ),
+    ] = None,
+    current: Annotated[
+        str | None, typer.Option(metavar="MA", help="LED: test current of the intensity.")
+    ] = None,
+    max_current: Annotated[
+        str | None,
+        typer.Option("--max-current", metavar="MA", help="LED: largest continuous current; else --current."),
+    ] = None,
+    forward_voltage: Annotated[
+        str | None,
+        typer.Option("--forward-voltage", metavar="V", help="LED: at --current; else usual for its colour."),
+    ] = None,
+    area: Annotated[
+        str | None,
+        typer.Option(
+            metavar="AREA", help="Photodiode: sensitive area, as 7.5 for mm2 or 2.65x2.65 for mm x mm."
+        ),
+    ] = None,
+    responsivity: Annotated[
+        str | None, typer.Option(metavar="A/W", help="Photodiode: responsivity at --wavelength.")
+    ] = None,
+    dark_current: Annotated[
+        str | None, typer.Option("--dark-current", metavar="NA", help="Photodiode: typical; else 2 nA.")
+    ] = None,
+    capacitance: Annotated[
+        str | None, typer.Option(metavar="PF", help="Photodiode: without bias; else 10 pF per mm2.")
+    ] = None,
+    lens: Annotated[
+        str | None,
+        typer.Option(
+            metavar="filed|kept", help="Dome of a round part: filed flat (the default), or kept on."
+        ),
+    ] = None,
+    source: Annotated[
+        str | None, typer.Option(metavar="TEXT", help="Name of the data sheet, as its number and revision.")
+    ] = None,
+    manufacturer: Annotated[str | None, typer.Option(metavar="TEXT", help="Who makes it.")] = None,
+    title: Annotated[str | None, typer.Option(metavar="TEXT", help="Full name; else NAME.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="FILE",
+            help="Catalogue file; the entry is appended if it exists. Default: NAME.toml.",
+            callback=options.file_name(".toml"),
+        ),
+    ] = None,
+    as_json: options.Json = False,
+) -> None:
+    """Write the catalogue entry of an LED or a photodiode from its data sheet."""
+    from design.part_entry import part_entry
+
+    given: Given = {
+        "kind": kind,
+        "package": package,
+        "intensity": intensity,
+        "viewing-angle": viewing_angle,
+        "half-angle": half_angle,
+        "wavelength": wavelength,
+        "current": current,
+        "max-current": max_current,
+        "forward-voltage": forward_voltage,
+        "area": area,
+        "responsivity": responsivity,
+        "dark-current": dark_current,
+        "capacitance": capacitance,
+        "lens": lens,
+        "source": source,
+        "manufacturer": manufacturer,
+        "title": title,
+    }
+    _require_identifier(name)
+    entry = part_entry(_sheet(name, _completed(given, may_prompt=not as_json)))
+    file = out or Path(f"{name}.toml")
+    _write(entry, file)
+    tell(as_json, lambda: {"file": str(file), **entry.document()}, lambda: _summary(entry, file))
+
+
+def _require_identifier(name: str) -> None:
+    from design.fields.base import IDENTIFIER_PATTERN
+    from design.fields.validation import PATTERN_WORDS
+
+    if not re.fullmatch(IDENTIFIER_PATTERN, name):
+        plain = re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")[:63] or "my-part"
+        raise InputError(
+            f"NAME: {name!r} is refused: must be {PATTERN_WORDS[IDENTIFIER_PATTERN]}; use {plain}"
+        )
+
+
+def _completed(given: Given, *, may_prompt: bool) -> Given:
+    """The options with those that are missing, from prompts on a terminal.
+
+    Raises
+    ------
+    InputError : without a terminal, options are missing; or an option belongs to the other kind of part.
+    """
+    prompts = may_prompt and sys.stdin.isatty() and sys.stdout.isatty()
+    read: Callable[[str], str] = (lambda name: typer.prompt(QUESTIONS[name])) if prompts else (lambda _: "")
+    if given["kind"] is None and prompts:
+        given = given | {"kind": read("kind")}
+    kind = given["kind"]
+    if kind not in KINDS:
+        said = "is missing" if kind is None else f"{kind!r} is refused"
+        raise InputError(f"--kind: {said}; give led or photodiode")
+    missing = [name for name in NEEDED[kind] if _is_missing(given, name)]
+    if missing and not prompts:
+        named = ", ".join(f"--{name}" for name in missing)
+        raise InputError(f"{named}: missing for a {kind}; add {'them' if len(missing) > 1 else 'it'}")
+    given = given | {name: read(name) for name in missing}
+    foreign = [name for name in (PHOTODIODE_ONLY if kind == "led" else LED_ONLY) if given[name] is not None]
+    if foreign:
+        raise InputError(f"--{foreign[0]}: {given[foreign[0]]} is refused: a {kind} has none; leave it out")
+    return given
+
+
+def _is_missing(given: Given, name: str) -> bool:
+    if name in ("viewing-angle", "half-angle"):
+        return given["viewing-angle"] is None and given["half-angle"] is None
+    return given[name] is None
+
+
+def _sheet(name: str, given: Given) -> LedSheet | PhotodiodeSheet:
+    """The data sheet in the options; raises InputError."""
+    from design.part_entry import LedSheet, PhotodiodeSheet
+
+    if given["lens"] not in (None, "filed", "kept"):
+        raise InputError(f"--lens: {given['lens']!r} is refused; give filed or kept")
+    common: Given = {
+        "part_id": name,
+        "package": given["package"],
+        "half_angle_deg": _half_angle_deg(given),
+        **{key: given[key] for key in ("lens", "source", "manufacturer", "title")},
+    }
+    if given["kind"] == "photodiode":
+        return PhotodiodeSheet(
+            **common,
+            area_mm=_area_mm(given["area"]),
+            responsivity_a_per_w=_number(given, "responsivity"),
+            wavelength_nm=_number(given, "wavelength"),
+            dark_current_na=_number_or_none(given, "dark-current"),
+            capacitance_pf=_number_or_none(given, "capacitance"),
+        )
+    is_white = given["wavelength"].strip().lower() == "white"
+    most_ma, test_ma = _number_or_none(given, "max-current"), _number(given, "current")
+    return LedSheet(
+        **common,
+        intensity=_intensity(given["intensity"]),
+        wavelength_nm=None if is_white else _number(given, "wavelength"),
+        current_ma=test_ma,
+        max_current_ma=most_ma,
+        forward_voltage_v=_number_or_none(given, "forward-voltage"),
+    )
+
+
+def _number_or_none(given: Given, name: str) -> float | None:
+    return None if given[name] is None else _number(given, name)
+
+
+def _number(given: Given, name: str) -> float:
+    """A number of the options within its range, with or without its unit; raises InputError."""
+    low, high, unit, way_out = LIMITS[name]
+    text = given[name]
+    found = re.fullmatch(_NUMBER + f"(?:{re.escape(unit)}|°)?", text)
+    value = float(found.group(1)) if found else math.nan
+    includes_low = low > 0.0 or name == "dark-current"
+    if not (low <= value <= high and (includes_low or value > low)):
+        said = f"{found.group(1)} {unit}" if found else repr(text)
+        least = f"{low:g}" if includes_low else f"above {low:g}"
+        raise InputError(f"--{name}: {said} is refused: must be {least} to {high:g} {unit}; {way_out}")
+    return value
+
+
+def _half_angle_deg(given: Given) -> float:
+    if given["viewing-angle"] is not None and given["half-angle"] is not None:
+        raise InputError(
+            f"--viewing-angle: {given['viewing-angle']} and --half-angle: {given['half-angle']} are both given; "
+            "give one: the viewing angle is the full angle, twice the half angle"
+        )
+    if given["half-angle"] is not None:
+        return _number(given, "half-angle")
+    return _number(given, "viewing-angle") / 2.0
+
+
+def _intensity(text: str) -> Intensity:
+    """The intensity of an option such as 250mcd, 0.25cd or 12mW/sr; raises InputError."""
+    from design.parts.photometry import Intensity
+
+    found = re.fullmatch(_NUMBER + r"([^\d\s].*)?", text.strip())
+    unit = (found.group(2) or "").strip().lower() if found else ""
+    if found is None or unit not in _UNITS:
+        said = "has no unit" if found is not None and not unit else "is refused"
+        raise InputError(
+            f"--intensity: {text!r} {said}: give a number with mcd, cd, mW/sr or W/sr, as 250mcd or 12mW/sr, the "
+            "intensity on the axis (not the flux in lm or mW)"
+        )
+    name, factor = _UNITS[unit]
+    value = float(found.group(1)) * factor
+    if not 0.0 < value <= 1e6:
+        raise InputError(
+            f"--intensity: {text} is refused: must be above 0 to 1e+06 {name}; give the typical value"
+        )
+    return Intensity(value=value, unit="mcd" if name == "mcd" else "mW/sr")
+
+
+def _area_mm(text: str) -> tuple[float, float]:
+    """Width and height of an area such as 7.5 (mm2) or 2.65x2.65 (mm); raises InputError."""
+    found = re.fullmatch(_NUMBER + "(?:mm2|mm²)?", text) or re.fullmatch(
+        _NUMBER + "(?:mm)?" + r"\s*[x×]" + _NUMBER + "(?:mm)?", text
+    )
+    numbers = [float(one) for one in found.groups()] if found else [math.nan]
+    sides = (math.sqrt(abs(numbers[0])),) * 2 if len(numbers) == 1 else (numbers[0], numbers[1])
+    if not (all(0.0 < side <= 100.0 for side in sides) and min(numbers) > 0.0):
+        raise InputError(
+            f"--area: {text!r} is refused: give the sensitive area above 0, as 7.5 in mm2 or 2.65x2.65 in mm"
+        )
+    return round(sides[0], 3), round(sides[1], 3)
+
+
+def _write(entry: PartEntry, file: Path) -> None:
+    """Write the entry to a new catalogue file, or append it to one that exists.
+
+    Raises
+    ------
+    InputError : the file is not a catalogue, or has a part of this name.
+    """
+    from design.errors import DesignError
+    from design.io import catalog_file_entries, read_design_text, write_text_atomically
+    from design.toml_text import parsed_toml
+
+    text = entry.text()
+    parsed_toml(text)
+    if file.exists():
+        try:
+            held = catalog_file_entries(file)
+        except DesignError as err:
+            raise InputError(f"--out {err}; choose another file") from None
+        if entry.part_id in held.parts:
+            raise InputError(
+                f"--out {file}: has a part {entry.part_id} already; remove it there, or choose another NAME or file"
+            )
+        text = read_design_text(file).rstrip("\n") + "\n\n" + text
+    write_text_atomically(file, text)
+
+
+def _summary(entry: PartEntry, file: Path) -> list[str]:
+    from optopad.screen.verdict import row
+
+    section = f"{entry.part.kind}s"
+    lines = row("part", f"{entry.part_id}: {entry.part.title}, {entry.part.kind} ({entry.part.mounting})", 2)
+    for title, remark in entry.remarks.items():
+        lines += row(title.lower(), remark, 6)
+    lines += row("file", f"{file}")
+    lines += row(
+        "next",
+        f'in the design, before its first table: catalog_files = ["{file.name}"]; under [{section}]: '
+        f'part = "{entry.part_id}"',
+        3,
+    )
+    return lines
+
+
+def parts(
+    kind: Annotated[
+        str | None,
+        typer.Option(
+            metavar="GROUP", help="One group: emitters, receivers, silicones, plastics, boards and others."
+        ),
+    ] = None,
+    as_json: options.Json = False,
+) -> None:
+    """List the packaged catalogue: parts, silicones, plastics, boards and chips, with main figures and sources."""
+    from dataclasses import asdict
+
+    from design.parts.catalog import packaged
+    from design.parts.listing import listed
+
+    found = listed(packaged(), kind)
+    tell(
+        as_json,
+        lambda: {"entries": [asdict(one) for one in found]},
+        lambda: _overview(found, is_whole=kind is None),
+    )
+
+
+def _overview(found: Sequence[Listed], *, is_whole: bool) -> list[str]:
+    """Two lines for each entry; the whole catalogue has its sources shortened."""
+    lines: list[str] = []
+    for number, one in enumerate(found):
+        if number == 0 or found[number - 1].kind != one.kind:
+            lines += [*([""] if lines else []), one.kind]
+        counted = ", ".join(f"{count} {level}" for level, count in one.confidences.items())
+        source = shorten(one.source, SOURCE, placeholder=" ...") if is_whole else one.source
+        lines += [f"  {one.name:<24}{one.figures}", f"  {'':<24}{source} ({counted})"]
+    return lines
