@@ -28,8 +28,8 @@ from cad.mold import build_mold, part_mold
 from cad.pour_gauge import gauge_size, pour_gauge
 from cad.solder_jig import jig_size, solder_jig
 from cad.volume import base_volume_mm3, lid_volume_mm3, mold_volume_mm3
+from design.file_sets import written_together
 from design.files import temporary_folder
-from design.io import written_together
 from design.mold.outline import bed_lift_mm, outline_of
 from design.parts.assumptions import Bed
 from design.shape.cavity import plan_of
@@ -87,11 +87,9 @@ def export_parts(
     """
     contents = part_files(design, bed_mm=bed_mm, slice_parts=slice_parts)
     target = Path(folder)
-    with written_together(target) as hidden:
+    with written_together(target, stale=set(FILES) - set(contents)) as hidden:
         for name, content in contents.items():
             (hidden / name).write_bytes(content)
-    for stale in set(FILES) - set(contents):
-        (target / stale).unlink(missing_ok=True)
     return {name: target / name for name in contents}
 
 

@@ -1,9 +1,9 @@
 """Reader of all CSV tables that optopad accepts.
 
-Lines that begin with # are remarks. The first line that is not a remark is the heading. Values are separated by commas,
-and numbers have a decimal point. Empty lines are skipped, and so are empty cells at the end of a line. A row with more
-or fewer cells than the heading is refused, because a decimal comma would shift all later cells. The module needs the
-standard library only.
+Lines that begin with # are remarks, and so are lines without a comma before a heading with several columns: loggers
+greet first. The first line that is not a remark is the heading. Values are separated by commas, and numbers have a
+decimal point. Empty lines are skipped, and so are empty cells at the end of a line. A row with more or fewer cells than
+the heading is refused, because a decimal comma would shift all later cells. The module needs the standard library only.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from __future__ import annotations
 import csv
 import math
 import re
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from design.errors import InputError, OptopadError, shown
@@ -22,6 +22,16 @@ DECIMAL_COMMA = "decimal comma? write 8.9, and separate by commas"
 MOST_BYTES = 500_000_000
 _COMMA_NUMBER = re.compile(r"[+-]?\d+,\d+")
 _WITH_UNIT = re.compile(r"[+-]?[\d.]+(?:[eE][+-]?\d+)?\s*[^\W\d_]+")
+_WORD = re.compile(r"[^\W_]+")
+UNIT_WORDS = {
+    "s": "s sec secs second seconds", "ms": "msec millis millisecond milliseconds",
+    "us": "usec micros microsecond microseconds", "ns": "nanos nanosecond nanoseconds",
+    "mm": "millimetre millimetres millimeter millimeters", "um": "micron microns micrometre micrometres micrometer",
+    "n": "newton newtons", "mn": "millinewton millinewtons", "g": "gram grams", "kg": "kilogram kilograms",
+    "lb": "lbs pound pounds", "oz": "ounce ounces",
+}  # fmt: skip
+"""Other words for a unit at the end of a column's name, by its symbol in lower case."""
+_SYMBOLS = {word: symbol for symbol, words in UNIT_WORDS.items() for word in words.split()}
 _OTHER_SEPARATORS = {";": "semicolons", "\t": "tabs"}
 
 
@@ -54,6 +64,16 @@ class CsvTable:
     def records(self) -> list[dict[str, str]]:
         """The cells of each row as a dictionary by column name."""
         return [dict(zip(self.heading, row, strict=True)) for row in self.rows]
+
+    def without_doubles(self) -> tuple[CsvTable, tuple[int, ...]]:
+        """The table without rows that are equal to the row before them, and the line numbers of those rows."""
+        doubled = [k for k in range(1, len(self.rows)) if self.rows[k] == self.rows[k - 1]]
+        return self.without(doubled), tuple(self.lines[k] for k in doubled)
+
+    def without(self, rows: Collection[int]) -> CsvTable:
+        """The table without some rows, which are counted from 0 below the heading."""
+        kept = sorted(set(range(len(self.rows))).difference(rows))
+        return replace(self, rows=tuple(self.rows[k] for k in kept), lines=tuple(self.lines[k] for k in kept))
 
     def where(self, row: int) -> str:
         """Start of an error message about a row: the file and the row's line number in the file."""
@@ -110,7 +130,7 @@ def read_csv(
     ----------
     needed : required content of the table, for messages
     fewest_rows : minimum number of rows below the heading
-    lower : whether column names are converted to lower case
+    lower : whether column names are converted to lower-case words with underscores: "Force (N)" becomes force_n
     most_bytes : file size above which the file is refused without being read
     error : exception class to raise
 
@@ -122,7 +142,8 @@ def read_csv(
     text = read_text(file, needed=needed, most_bytes=most_bytes, error=error)
     remarks: list[str] = []
     numbered: list[tuple[int, list[str]]] = []
-    for number, line in enumerate(text.split("\n"), start=1):
+    lines = text.split("\n")
+    for number, line in enumerate(lines, start=1):
         if number == 1 and re.fullmatch(r"sep=.?", line.strip(), re.IGNORECASE):
             if line.strip()[4:] not in (",", ""):
                 raise error(f"{file}: row 1 is {shown(line.strip())}; {DECIMAL_COMMA}")
@@ -132,11 +153,17 @@ def read_csv(
             continue
         if any(cells := _cells(line)):
             numbered.append((number, cells))
+    while _is_greeting(numbered):
+        remarks.append(numbered.pop(0)[1][0])
     heading = _without_last_empty(numbered[0][1]) if numbered else []
-    heading = [name.lower() for name in heading] if lower else heading
     for sign, name in _OTHER_SEPARATORS.items():
         if any(sign in cell for cell in heading):
             raise error(f"{file}: its values are separated by {name}; {DECIMAL_COMMA}")
+    if heading and all(map(is_number, heading)):
+        raise error(
+            f"{file}: row {numbered[0][0]} has numbers and no heading; write the names of its columns first"
+        )
+    heading = [plain_name(name) for name in heading] if lower else heading
     if len(numbered) <= fewest_rows:
         counted = "a row" if fewest_rows == 1 else f"{fewest_rows} rows"
         raise error(
@@ -145,7 +172,8 @@ def read_csv(
     if doubled := sorted({name for name in heading if heading.count(name) > 1}):
         raise error(f"{file}: has the column {', '.join(map(repr, doubled))} twice; keep one")
     rows = [
-        (number, _fitted(cells, heading, f"{file}: row {number}", error)) for number, cells in numbered[1:]
+        (number, _fitted(cells, heading, f"{file}: row {number}", error, is_torn=number == len(lines)))
+        for number, cells in numbered[1:]
     ]
     return CsvTable(
         file=file,
@@ -191,6 +219,16 @@ def numbered_points(
     return found
 
 
+def plain_name(name: str) -> str:
+    """A column's name as lower-case words with underscores, its last word a unit's symbol if it is a unit.
+
+    Examples: ``Force (N)`` is ``force_n``, ``time [seconds]`` is ``time_s``, and ``X (micron)`` is ``x_um``.
+    """
+    lowered = name.lower().replace("\N{MICRO SIGN}", "u").replace("\N{GREEK SMALL LETTER MU}", "u")
+    words = _WORD.findall(lowered)
+    return "_".join([*words[:-1], *(_SYMBOLS.get(word, word) for word in words[-1:])])
+
+
 def is_number(text: str) -> bool:
     """Whether a text is a number; infinite and NaN count as numbers."""
     try:
@@ -206,12 +244,18 @@ def _cells(line: str) -> list[str]:
     return [cell.strip() for cell in next(csv.reader([line], skipinitialspace=True), [])]
 
 
+def _is_greeting(numbered: Sequence[tuple[int, list[str]]]) -> bool:
+    """Whether the first line has one cell, but the next or the last line has more."""
+    first, *others = [_without_last_empty(cells) for _, cells in (*numbered[:2], *numbered[-1:])] or [[]]
+    return len(first) == 1 and any(len(cells) > 1 for cells in others)
+
+
 def _without_last_empty(cells: list[str]) -> list[str]:
     return cells[: max((k for k, cell in enumerate(cells, start=1) if cell), default=0)]
 
 
 def _fitted(
-    cells: list[str], heading: Sequence[str], where: str, error: type[OptopadError]
+    cells: list[str], heading: Sequence[str], where: str, error: type[OptopadError], *, is_torn: bool
 ) -> tuple[str, ...]:
     """The cells of a row without empty ones after the last column; an error if their number is wrong."""
     found = cells if len(cells) <= len(heading) else _without_last_empty(cells)
@@ -219,6 +263,8 @@ def _fitted(
     if len(found) == len(heading):
         return tuple(found)
     way_out = "give an empty cell its comma, too" if len(found) < len(heading) else "correct the row"
+    if is_torn and len(found) < len(heading):
+        way_out = "the file ends within this row: drop it"
     if len(found) > len(heading) and all(is_number(cell) for cell in found if cell):
         way_out = DECIMAL_COMMA
     raise error(f"{where} has {len(found)} values, the heading {len(heading)} columns; {way_out}")

@@ -16,9 +16,11 @@ import re
 import shutil
 import stat
 import tempfile
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import IO
 
 from design.errors import InputError, OptopadError, OutputError
 
@@ -108,11 +110,10 @@ def whole_file(file: Path, way_out: str = "choose another folder") -> Iterator[P
     OutputError : the folder is missing, read-only or full; the old file is unchanged.
     """
     require_file_name(file)
+    _sweep(file)
     hidden = None
     try:
-        descriptor, hidden = tempfile.mkstemp(
-            dir=file.parent, prefix=f".{file.name[:40]}.", suffix=".partial"
-        )
+        descriptor, hidden = tempfile.mkstemp(dir=file.parent, prefix=_hidden_start(file), suffix=".partial")
         os.close(descriptor)
         yield Path(hidden)
         os.chmod(hidden, 0o644)
@@ -130,28 +131,120 @@ def whole_file(file: Path, way_out: str = "choose another folder") -> Iterator[P
 
 
 @contextmanager
-def whole_folder(folder: Path) -> Iterator[Path]:
+def whole_folder(folder: Path, *, replaces: bool = False) -> Iterator[Path]:
     """Context manager for a new folder, which gets its name if the `with` block succeeds and is removed otherwise.
+
+    Parameters
+    ----------
+    replaces : whether an existing folder of this name is replaced; it stays as it was if the `with` block fails
 
     Raises
     ------
-    OutputError : the folder exists, or the folder that holds it cannot be written.
+    OutputError : the folder exists and is not replaced, or the folder that holds it cannot be written.
     """
-    if folder.exists():
+    before = folder.with_name(f".{folder.name[:40]}.before")
+    if replaces:  # a process may have been ended while it replaced the folder
+        _one_of(folder, before)
+    if folder.exists() and not replaces:
         raise OutputError(f"{folder}: exists already; choose another folder")
     made_folder(folder.parent)
     try:
-        hidden = Path(tempfile.mkdtemp(dir=folder.parent, prefix=f".{folder.name[:40]}.", suffix=".partial"))
+        with alone_in(folder.parent):
+            _sweep(folder)
+            hidden = Path(
+                tempfile.mkdtemp(dir=folder.parent, prefix=_hidden_start(folder), suffix=".partial")
+            )
+            lock = locked(hidden)
     except OSError as err:
         raise unwritable(folder, err) from err
     try:
         yield hidden
         hidden.chmod(0o755)
+        if replaces and folder.exists():
+            folder.rename(before)
         hidden.rename(folder)
     except OSError as err:
         raise unwritable(folder, err) from err
     finally:
+        if replaces:
+            _one_of(folder, before)
         shutil.rmtree(hidden, ignore_errors=True)
+        if lock is not None:
+            os.close(lock)
+
+
+@contextmanager
+def alone_in(folder: Path) -> Iterator[None]:
+    """Make other processes that call this function for a folder wait while the `with` block runs."""
+    if os.name == "nt":  # it has no locks of folders
+        yield
+        return
+    import fcntl
+
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        with suppress(OSError):  # a file system without locks
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)
+
+
+def locked(folder: Path) -> int | None:
+    """Lock a folder; return its open descriptor, or None if another process has locked it or locking is unsupported.
+
+    The lock ends when the descriptor is closed or the process ends.
+    """
+    if os.name == "nt":
+        return None
+    import fcntl
+
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(descriptor)
+        return None
+    return descriptor
+
+
+ABANDONED_S = 86_400.0
+
+
+def is_abandoned(hidden: Path) -> bool:
+    """Whether the process that writes a hidden file or folder has died.
+
+    A process locks its folder (`locked`). Files, and folders on systems without locks, are abandoned if nothing was
+    written to them for a day.
+    """
+    try:
+        if hidden.is_dir() and (lock := locked(hidden)) is not None:
+            os.close(lock)
+            return True
+        return time.time() - hidden.stat().st_mtime > ABANDONED_S
+    except OSError:  # its process has just removed it
+        return False
+
+
+def _sweep(target: Path) -> None:
+    """Remove hidden files and folders that died writers of `target` have left; errors are ignored."""
+    pattern = re.compile(re.escape(_hidden_start(target)) + r"[a-z0-9_]{8}\.partial")
+    with suppress(OSError):
+        for left in [target.parent / name for name in os.listdir(target.parent) if pattern.fullmatch(name)]:
+            if is_abandoned(left):
+                shutil.rmtree(left, ignore_errors=True) if left.is_dir() else left.unlink(missing_ok=True)
+
+
+def _hidden_start(target: Path) -> str:
+    return f".{target.name[:40]}."
+
+
+def _one_of(folder: Path, before: Path) -> None:
+    """Remove a replaced folder, or give it its name back if no new one has it."""
+    if before.exists() and folder.exists():
+        shutil.rmtree(before, ignore_errors=True)
+    elif before.exists():
+        before.rename(folder)
 
 
 def write_whole(file: Path, content: bytes) -> None:
@@ -309,12 +402,72 @@ def kind_of(content: bytes) -> str:
 
 
 def kind_of_file(file: Path) -> str:
-    """Type of a file in words, as in `kind_of`; "a file that cannot be opened" if opening fails."""
+    """Type of a file in words, as in `kind_of`; "a file that cannot be opened" if opening fails or could wait."""
     try:
+        if not stat.S_ISREG(file.stat().st_mode):
+            return "a file that cannot be opened"
         with file.open("rb") as stream:
             return kind_of(stream.read(BYTES_FOR_KIND))
     except (OSError, ValueError):
         return "a file that cannot be opened"
+
+
+_SHELL_PIPE = re.compile(r"/(?:dev/stdin$|dev/fd/|proc/)")
+
+
+@contextmanager
+def opened_file(file: Path, *, needed: str, error: type[OptopadError] = InputError) -> Iterator[IO[bytes]]:
+    """Context manager for a file that is open for reading; system errors in the `with` block are explained, too.
+
+    Devices and named pipes are refused before they are opened, because a program could wait for them forever. The pipes
+    that a shell makes, as /dev/stdin or /dev/fd/63, are read.
+
+    Parameters
+    ----------
+    needed : type of file required and how to make it, for messages
+    error : exception class to raise
+
+    Raises
+    ------
+    OptopadError : the file is missing, a folder, a device or unreadable; the exception is of the class `error`.
+    """
+    try:
+        mode = file.stat().st_mode
+        if stat.S_ISDIR(mode):
+            raise IsADirectoryError
+        of_shell = stat.S_ISFIFO(mode) and _SHELL_PIPE.match(os.path.abspath(file)) is not None
+        if not (stat.S_ISREG(mode) or of_shell):
+            raise error(f"{file}: a pipe or a device, not a file; needs {needed}")
+        stream = file.open("rb")
+    except FileNotFoundError:
+        raise error(f"{file}: no such file; needs {needed}") from None
+    except IsADirectoryError:
+        raise error(f"{file}: a folder; needs {needed}") from None
+    except OSError as err:
+        raise error(_unreadable(file, err)) from None
+    except ValueError as err:  # a null byte in the name
+        raise error(f"{str(file)!r}: no name of a file: {err}") from None
+    with stream:
+        try:
+            yield stream
+        except OSError as err:
+            raise error(_unreadable(file, err)) from None
+
+
+def _unreadable(file: Path, err: OSError) -> str:
+    return f"{file}: cannot be read: {err.strerror}; name the right file"
+
+
+def size_of(stream: IO[bytes], most_bytes: int) -> int:
+    """Size of an open file [bytes]; `most_bytes` of a pipe, whose size is unknown."""
+    status = os.fstat(stream.fileno())
+    return status.st_size if stat.S_ISREG(status.st_mode) else most_bytes
+
+
+def require_file(file: Path, *, needed: str, error: type[OptopadError] = InputError) -> None:
+    """Refuse a path that is not a file which can be read; parameters and errors are as in `opened_file`."""
+    with opened_file(file, needed=needed, error=error):
+        pass
 
 
 def read_bytes(file: Path, *, needed: str, most_bytes: int, error: type[OptopadError] = InputError) -> bytes:
@@ -328,24 +481,19 @@ def read_bytes(file: Path, *, needed: str, most_bytes: int, error: type[OptopadE
 
     Raises
     ------
-    OptopadError : the file is missing, a folder, unreadable or too large; the exception is of the class `error`.
+    OptopadError : the file is missing, a folder, a device, unreadable or too large; the exception is of the class
+        `error`.
     """
-    try:
-        with file.open("rb") as stream:
-            status = os.fstat(stream.fileno())
-            size = status.st_size if stat.S_ISREG(status.st_mode) else most_bytes
-            content = stream.read(min(size, most_bytes) + 1)
-    except FileNotFoundError:
-        raise error(f"{file}: no such file; needs {needed}") from None
-    except IsADirectoryError:
-        raise error(f"{file}: a folder; needs {needed}") from None
-    except OSError as err:
-        raise error(f"{file}: cannot be read: {err.strerror}; name the right file") from None
-    except ValueError as err:  # a null byte in the name
-        raise error(f"{str(file)!r}: no name of a file: {err}") from None
+    with opened_file(file, needed=needed, error=error) as stream:
+        content = stream.read(min(size_of(stream, most_bytes), most_bytes) + 1)
     if len(content) > most_bytes:
-        raise error(f"{file}: larger than {most_bytes} bytes, which is too much; needs {needed}")
+        raise error(too_large(file, needed=needed, most_bytes=most_bytes))
     return content
+
+
+def too_large(file: Path, *, needed: str, most_bytes: int) -> str:
+    """Message about a file of more than `most_bytes`; parameters are as in `read_bytes`."""
+    return f"{file}: larger than {most_bytes} bytes, which is too much; needs {needed}"
 
 
 def read_text(file: Path, *, needed: str, most_bytes: int, error: type[OptopadError] = InputError) -> str:

@@ -13,17 +13,16 @@ under the version that it starts from. Version 1 is the first, so no step exists
 from __future__ import annotations
 
 import os
-import tempfile
 import tomllib
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import tomlkit
 
 from design.errors import DesignError, shown
-from design.files import made_folder, read_text, unwritable, write_whole
+from design.file_sets import settle
+from design.files import read_text, write_whole
 from design.parts import catalog
 from design.parts.spectrum import CURVE_FILE, CURVES, with_curve
 from design.spec import SCHEMA_VERSION, SensorDesign
@@ -77,6 +76,7 @@ def load_design(path: str | os.PathLike[str]) -> SensorDesign:
     DesignError : the file is not readable as TOML, has another schema version, or has invalid fields.
     """
     file = Path(path)
+    settle(file.parent)
     document = read_toml(file)
     check_version(document, file)
     document = _with_own_profile(_with_own_catalog(_with_curves(document, "catalog", file), file), file)
@@ -142,30 +142,6 @@ def check_version(document: Mapping[str, Any], file: Path) -> None:
 def write_text_atomically(file: Path, text: str) -> None:
     """Write UTF-8 text completely or not at all; errors are as in `design.files.whole_file`."""
     write_whole(file, text.encode())
-
-
-@contextmanager
-def written_together(folder: Path) -> Iterator[Path]:
-    """Context manager for a hidden folder, whose files move to `folder` if the `with` block succeeds.
-
-    If the block fails, they are removed.
-
-    Raises
-    ------
-    OutputError : the folder cannot be made or written; the old files are unchanged.
-    """
-    made_folder(folder)
-    try:
-        hidden = tempfile.TemporaryDirectory(dir=folder, prefix=".", suffix=".partial")
-    except OSError as err:
-        raise unwritable(folder, err) from err
-    with hidden as made:
-        yield Path(made)
-        try:
-            for file in sorted(Path(made).iterdir()):
-                os.replace(file, folder / file.name)
-        except OSError as err:
-            raise unwritable(folder, err) from err
 
 
 def without_empty(document: Any) -> Any:

@@ -21,11 +21,13 @@ from design.errors import InputError
 
 OFF = "off"
 """Name of a dark state, in which no emitter is lit."""
+LOSSES = "losses"
+"""Name of the attribute of a netCDF file that says what is missing of the recording, in words."""
 ROLES = ("train", "test")
 PATTERNS = ("grid", "random", "unknown", "measured")
 """Permitted patterns of locations; older files have `measured` in place of `unknown`."""
 
-Number = TypeVar("Number", bound=np.number[Any])
+Number = TypeVar("Number", bound="np.number[Any]")
 
 
 @dataclass(frozen=True, kw_only=True)

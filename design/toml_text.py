@@ -10,11 +10,16 @@ The parser's message about invalid TOML says only where it stopped. This module 
 from __future__ import annotations
 
 import re
-import tomllib
+import sys
 from collections.abc import Iterator
 from typing import Any
 
 from design.errors import shown
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
 
 _TWICE = "Cannot overwrite a value"
 _NUMBER = r"[+-]?(?:\d[\d_]*\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
@@ -52,6 +57,8 @@ _MEANT = (
     (_KEY + r"\s+[^=\s]", "write = between name and value"),
 )
 """Patterns of common invalid lines, each with its remedy; the first match is used."""
+LONGEST_LINE = 1_000
+"""Longest start of a line that is searched for common mistakes [characters]; patterns take the square of its length."""
 _PATTERNS = tuple((re.compile(pattern), way_out) for pattern, way_out in _MEANT)
 
 
@@ -65,7 +72,7 @@ def explained(message: str, text: str) -> str:
     """
     place = re.search(r"at line (\d+)", message)
     line = text.split("\n")[int(place[1]) - 1].strip() if place else text.strip().rpartition("\n")[2].strip()
-    way_out = _way_out(message, line)
+    way_out = _way_out(message, line[:LONGEST_LINE])
     if place is None and not way_out:
         return message
     return f"{message}: {shown(line)}" + (f"; {way_out}" if way_out else "")
@@ -90,14 +97,14 @@ LONGEST_DECIMAL_BITS = 2_000
 """Largest decimal integer [bits]: it has fewer than 640 digits, the lowest limit that Python can be set to."""
 
 _QUOTED = re.compile(
-    r'"""(?:[^"\\]|\\.|"(?!""))*+(?:""")?|'
-    r"'''(?:[^']|'(?!''))*+(?:''')?|"
-    r'"(?:[^"\\\n]|\\[^\n])*+"?|'
-    r"'[^'\n]*+'?|#[^\n]*+",
+    r'"""(?:[^"\\]|\\.|"(?!""))*(?:""")?|'
+    r"'''(?:[^']|'(?!''))*(?:''')?|"
+    r'"(?:[^"\\\n]|\\[^\n])*"?|'
+    r"'[^'\n]*'?|#[^\n]*",
     re.DOTALL,
 )
 """Quoted strings and comments. An unterminated string extends to the end of the document, so the search is linear."""
-_DEEP = re.compile(rf"(?<![\w-])[\w-]++(?:[ \t]*+\.[ \t]*+[\w-]++){{{MOST_PARTS},}}+")
+_DEEP = re.compile(rf"(?<![\w-])[\w-]+(?:[ \t]*\.[ \t]*[\w-]+){{{MOST_PARTS},}}")
 _SIGNS = re.compile(r"[=,\[{]")
 _STAND_IN = "q"
 

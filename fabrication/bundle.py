@@ -25,14 +25,14 @@ import platform
 import re
 import secrets
 import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 from design.errors import InputError, OutputError
-from design.files import unwritable
+from design.files import alone_in, locked, unwritable
 from design.io import save_design, write_text_atomically
 from design.spec import SensorDesign
 
@@ -73,15 +73,15 @@ def bundle(design: SensorDesign, out: Path, *, seed: int) -> Iterator[Path]:
     try:
         try:
             final.parent.mkdir(parents=True, exist_ok=True)
-            with _alone(final.parent):
+            with alone_in(final.parent):
                 _fill(staging, final)
-                lock = _locked(staging)
+                lock = locked(staging)
         except OSError as err:
             raise unwritable(final, err, WAY_OUT) from err
         begun_with = _digests(staging)
         yield staging
         save_design(design, staging / "design.toml")
-        with _alone(final.parent):
+        with alone_in(final.parent):
             _fetch(staging, final, begun_with)
             write_manifest(staging, design, seed)
             _flush(staging)
@@ -145,6 +145,24 @@ def altered_files(folder: Path) -> tuple[str, ...]:
     )
 
 
+def with_other_line_ends(folder: Path, altered: Iterable[str]) -> tuple[str, ...]:
+    """The altered files of a bundle that differ from the manifest's only in the ends of their lines.
+
+    Git (`core.autocrlf`) and some copies by Windows change the ends of lines in texts.
+    """
+    files = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))["files"]
+    return tuple(
+        name
+        for name in altered
+        if (folder / name).is_file() and files[name]["sha256"] in _digests_by_line_ends(folder / name)
+    )
+
+
+def _digests_by_line_ends(file: Path) -> set[str]:
+    unix = file.read_bytes().replace(b"\r\n", b"\n")
+    return {hashlib.sha256(text).hexdigest() for text in (unix, unix.replace(b"\n", b"\r\n"))}
+
+
 def versions() -> dict[str, str]:
     """Versions of Python and of the packages that results depend on."""
     found = {"python": platform.python_version()}
@@ -182,41 +200,6 @@ def _require_no_link(final: Path) -> None:
                 f"{path}: is a link, and a bundle holds its files itself; replace the link by the folder that it leads "
                 "to, or remove it"
             )
-
-
-@contextmanager
-def _alone(out: Path) -> Iterator[None]:
-    """Prevent other processes from copying or swapping bundles in a folder while the `with` block runs."""
-    if os.name == "nt":  # it has no locks of folders
-        yield
-        return
-    import fcntl
-
-    descriptor = os.open(out, os.O_RDONLY)
-    try:
-        with suppress(OSError):  # a file system without locks
-            fcntl.flock(descriptor, fcntl.LOCK_EX)
-        yield
-    finally:
-        os.close(descriptor)
-
-
-def _locked(folder: Path) -> int | None:
-    """Lock a folder; return its open descriptor, or None if another process has locked it or locking is unsupported.
-
-    The lock ends when the descriptor is closed or the process ends.
-    """
-    if os.name == "nt":
-        return None
-    import fcntl
-
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        os.close(descriptor)
-        return None
-    return descriptor
 
 
 def _digests(folder: Path) -> dict[str, str]:
@@ -287,7 +270,7 @@ def _sweep(final: Path) -> None:
     """Remove hidden working folders that interrupted commands have left behind and that no process has locked."""
     pattern = re.compile(re.escape(f".{final.name}.") + r"[0-9a-f]+\.partial")
     for left in final.parent.iterdir():
-        if pattern.fullmatch(left.name) and (lock := _locked(left)) is not None:
+        if pattern.fullmatch(left.name) and (lock := locked(left)) is not None:
             shutil.rmtree(left, ignore_errors=True)
             os.close(lock)
 

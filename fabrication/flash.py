@@ -19,7 +19,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from design.errors import DeviceError, InputError
-from design.files import temporary_folder
+from design.files import read_bytes, temporary_folder
 from design.parts.board_firmware import ArduinoProgram, BoardFirmware
 from design.spec import SensorDesign
 from fabrication.sketch import MAIN, FirmwareSettings, firmware_settings, sketch_texts, source_text
@@ -155,6 +155,10 @@ BOARD_ID = "Board-ID:"
 BOOT_MODE = "hold the board's BOOTSEL button while you plug it in, and mount the drive that then appears"
 
 
+MOST_IMAGE_BYTES = 64_000_000
+"""Largest file of a compiled program that is read [bytes]; the largest flash memories of boards hold 16 MB."""
+
+
 def require_uf2(chip: ArduinoProgram, file: Path) -> None:
     """Check that a file is a complete UF2 file for a board.
 
@@ -166,10 +170,7 @@ def require_uf2(chip: ArduinoProgram, file: Path) -> None:
     InputError : the file does not exist, is not a UF2 file, is for other boards, or lacks blocks.
     """
     assert chip.boot_drive is not None, "the caller knows that the board has one"
-    try:
-        content = file.read_bytes()
-    except OSError as err:
-        raise InputError(f"{file}: {err.strerror}; name a .uf2 file") from None
+    content = read_bytes(file, needed="a .uf2 file", most_bytes=MOST_IMAGE_BYTES)
     is_whole = bool(content) and len(content) % UF2_BLOCK.size == 0
     blocks = list(UF2_BLOCK.iter_unpack(content)) if is_whole else []
     if not is_whole or any((block[0], block[1], block[-1]) != UF2_MAGIC for block in blocks):

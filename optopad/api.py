@@ -263,16 +263,23 @@ def load_model(file: str | PathLike[str]) -> TouchModel:
     return read(file)
 
 
-def read_recording(file: str | PathLike[str]) -> Recorded:
-    """Read the frames of a recording of `optopad driver record`, or of `Sensor.record`.
+def read_recording(
+    file: str | PathLike[str], *, topic: str | None = None, press_topic: str | None = None
+) -> Recorded:
+    """Read the frames of a recording of `optopad driver record` or `Sensor.record`, or of a ROS 2 bag.
+
+    Parameters
+    ----------
+    topic, press_topic : topics of frames and presses in a bag of several sensors
 
     Raises
     ------
-    InputError : the file is not a recording, or contains no complete frame.
+    InputError : the file is not a recording, or contains no complete frame; topics or times do not clearly belong
+        together.
     """
     from fabrication.driver.recording.export import read_recorded
 
-    return read_recorded(Path(file))
+    return read_recorded(Path(file), topic=topic, press_topic=press_topic)
 
 
 _DRIVER = {

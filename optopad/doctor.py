@@ -80,7 +80,10 @@ class Tool:
 
 
 PYTHON_RANGE = ((3, 11), (3, 14))
-"""First supported version of Python, and first version after it that is not supported."""
+"""First version of Python that the commands support, and first version after it that is not supported.
+
+The driver alone runs on Python 3.10, too.
+"""
 
 MEMORY_ADVISED_GB = 2.0
 """Recommended memory [GB]: importing CadQuery and MuJoCo takes 0.5 GB, and a run adds meshes and matrices."""

@@ -209,25 +209,40 @@ def _read(path: Path) -> dict[str, Any]:
     return found
 
 
-RECORDINGS = (".optorec", ".mcap")
-"""Suffixes of recordings, which `as_netcdf` converts; a folder is the bag of a ROS 2 recorder."""
+def is_recording(file: Path) -> bool:
+    """Whether a path is a recording of the driver, or a ROS 2 bag (file or folder, but no bundle), by its names."""
+    from fabrication.driver.recording.bag import is_bag
+    from fabrication.driver.recording.raw import SUFFIX
+
+    is_bundle = (file / "manifest.json").is_file()
+    return file.suffix.lower() == SUFFIX or (is_bag(file) and not is_bundle)
 
 
 @contextmanager
-def as_netcdf(file: Path) -> Iterator[Path]:
+def as_netcdf(file: Path, topic: str | None = None, press_topic: str | None = None) -> Iterator[Path]:
     """Convert a recording to netCDF, in a temporary folder; other files are given as they are.
 
     An `InputError` that is raised in the `with` block names the recording, not the temporary file.
+
+    Parameters
+    ----------
+    topic, press_topic : topics of frames and presses in a bag of several sensors
+
+    Raises
+    ------
+    InputError : the recording cannot be read, or a topic is given for another file.
     """
-    is_bag = file.is_dir() and any(file.glob("*.mcap"))
-    if file.suffix.lower() not in RECORDINGS and not is_bag:
+    if not is_recording(file):
+        if topic is not None or press_topic is not None:
+            option = f"--topic {topic}" if topic is not None else f"--press-topic {press_topic}"
+            raise InputError(f"{option}: {file} is not a bag or MCAP file; leave it out")
         yield file
         return
     from fabrication.driver.recording.export import read_recorded, write_netcdf
 
     with temporary_folder() as folder:
-        made = Path(folder) / f"{file.stem}.nc"
-        write_netcdf(read_recorded(file), made, file.name)
+        made = Path(folder) / f"{file.stem or 'bag'}.nc"
+        write_netcdf(read_recorded(file, topic=topic, press_topic=press_topic), made, file.name)
         try:
             yield made
         except InputError as err:

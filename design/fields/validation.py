@@ -13,8 +13,8 @@ from design.fields.base import IDENTIFIER_PATTERN, NAME_PATTERN, nearest
 from design.fields.sheet_names import sheet_name_hint
 
 LISTED_FINDINGS = 20
-WORDED_FINDINGS = 100
-"""Largest number of findings that are described in words; searching for similar names takes a millisecond for each."""
+WORDED_FINDINGS = 50
+"""Largest number of findings that are described in words; searching for similar names takes 1 to 20 ms for each."""
 
 _WAY_OUT = {
     "missing": "is missing; add it (see `optopad schema`, or start from `optopad new`)",

@@ -168,6 +168,8 @@ USUAL_TARGET_SHARE = 0.3
 
 BAUD_ERROR_LIMIT = 0.025
 BAUD_ERROR_WARNING = 0.01
+BOOT_LOADER_BAUD = 1200
+"""Serial rate that starts the boot loader of Arduino's cores for native USB (the "1200 baud touch") [baud]."""
 LONGEST_FRAME_MS = 2000.0
 """Longest frame without a warning: the driver waits 2.5 s for the response to a command."""
 
@@ -182,6 +184,7 @@ def board_findings(
     if board.divides_clock:
         yield from _prescaler_findings(design, board)
         yield from _baud_findings(design, board)
+    yield from _boot_loader_findings(design, board)
     for known in board.warnings or ():
         yield warning(
             "board.kind", known, value=design.board.kind, limit="none", way_out="see the board's notes"
@@ -384,6 +387,18 @@ def _baud_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
         limit=f"within {limit:.1%}",
         way_out=f"use one of {', '.join(map(str, board.exact_bauds))}, which it makes exactly",
     )
+
+
+def _boot_loader_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
+    """Warning about the serial rate that many boards with native USB take as the request for their boot loader."""
+    if board.usb_bytes_per_s is not None and design.board.baud == BOOT_LOADER_BAUD:
+        yield warning(
+            "board.baud",
+            "a port opened at this rate asks many boards with native USB to end the program and wait for an upload",
+            value=design.board.baud,
+            limit=f"any rate but {BOOT_LOADER_BAUD}",
+            way_out="leave it out: native USB has no serial rate",
+        )
 
 
 def _answer_findings(takes_ms: float, design: SensorDesign, board: Board) -> Iterator[Finding]:

@@ -41,7 +41,11 @@ SMALLEST_LENGTH_MM = 0.01
 
 
 def check(design: SensorDesign) -> tuple[Finding, ...]:
-    """All errors and warnings about a design, errors first."""
+    """All errors and warnings about a design, errors first.
+
+    The rules about locations of parts are left out if the layout has too many: their time grows with the square of the
+    number of parts.
+    """
     places = expand(design.layout, design.cavity)
     counts = _count(places, "emitter"), _count(places, "receiver")
     unknown = part_findings(design, places)
@@ -57,9 +61,10 @@ def check(design: SensorDesign) -> tuple[Finding, ...]:
     board = found_board(design)
     if board is not None and all(counts):
         found += board_findings(design, board, *counts)
-    if not unknown:
+    is_placeable = not unknown and max(counts) <= MAX_PER_KIND
+    if is_placeable:
         found += span_findings(design)
-    if not unknown and is_spanned(design):
+    if is_placeable and is_spanned(design):
         found += tolerance_findings(design)
         found += _geometry_findings(design, counts)
         found += circuit_findings(design, board) if board is not None and all(counts) else ()
@@ -90,7 +95,7 @@ def _geometry_findings(design: SensorDesign, counts: tuple[int, int]) -> Iterato
     yield from colour_findings(design, cavity)
     yield from angle_findings(cavity)
     yield from workspace_findings(design, cavity)
-    if all(0 < count <= MAX_PER_KIND for count in counts):
+    if all(counts):
         yield from _layout_findings(design, cavity)
 
 

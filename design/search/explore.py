@@ -8,7 +8,8 @@ Each judged design is recorded at once, so an interruption loses none. The objec
 not depend on the light model. A whole batch is proposed before its designs are judged, and each proposal has a seed
 that depends on its position. The same space, seed and batch size therefore give the same designs for any number of
 processes, any order of the results, and any interruptions. Shared studies are the exception: a worker's proposals
-depend on the designs that other workers have finished.
+depend on the designs that other workers have finished. Designs are numbered by their place in this order; a design
+that is proposed again after its process died keeps its number.
 
 A study is the record of a search. It is stored in a database that Optuna manages, either a SQLite file in the search's
 folder or a database at a given address. Several processes (workers) may share one study. A sampler proposes the
@@ -324,7 +325,8 @@ def _propose_again(study: optuna.Study, trial: FrozenTrial) -> None:
     point = trial.system_attrs.get("fixed_params") or trial.params
     wanted = {field["path"] for field in study.user_attrs[SPACE]["fields"]}
     if set(point) == wanted:
-        study.enqueue_trial(point)
+        place = trial.user_attrs.get(PLACE)
+        study.enqueue_trial(point, user_attrs=None if place is None else {PLACE: place})
 
 
 def _point(trial: FrozenTrial) -> tuple[tuple[str, Value], ...]:
@@ -332,7 +334,7 @@ def _point(trial: FrozenTrial) -> tuple[tuple[str, Value], ...]:
     return tuple(sorted(found.items()))
 
 
-BASE, JUDGED, ROUNDS = "base", "judged", "rounds"
+BASE, JUDGED, ROUNDS, PLACE = "base", "judged", "rounds", "place"
 HEARTBEAT_S = 20
 
 
@@ -552,10 +554,17 @@ class _Run:
             trial = self.study.ask(fixed_distributions=self.distributions)
         if self.is_shared:
             beat(self.study, [trial._trial_id])
+        elif PLACE not in trial.user_attrs:
+            trial.set_user_attr(PLACE, self._next_place())
         try:
             return _Asked(trial=trial, design=self.space.design_at(trial.params), refusal="")
         except DesignError as err:
             return _Asked(trial=trial, design=None, refusal=str(err).splitlines()[-1].strip())
+
+    def _next_place(self) -> int:
+        """Number of the designs proposed so far, without those that died and will not be proposed again."""
+        alive = [one for one in self.study.get_trials(deepcopy=False) if one.state != TrialState.FAIL]
+        return sum(PLACE in one.user_attrs for one in alive)
 
     def _judge(self, asked: list[_Asked]) -> None:
         for one in asked:
@@ -585,7 +594,7 @@ class _Run:
             self.study.tell(one.trial, state=TrialState.PRUNED, skip_if_finished=True)
         else:
             self.study.tell(one.trial, values, skip_if_finished=True)
-        self._tell_listener(one.trial.number)
+        self._tell_listener(one.trial.user_attrs.get(PLACE, one.trial.number))
 
     def _tell_listener(self, number: int | None) -> None:
         if self.on_tried is not None:
@@ -620,12 +629,14 @@ def _findings(
     wanted: int,
     is_interrupted: bool = False,
 ) -> Findings:
-    tried = tuple(_tried(trial, limits) for trial in trials_in(study, *FINISHED))
+    tried = sorted(
+        (_tried(trial, limits) for trial in trials_in(study, *FINISHED)), key=lambda one: one.number
+    )
     return Findings(
         space=space,
         base=base,
         limits=limits,
-        tried=tried,
+        tried=tuple(tried),
         front=pareto_front(space, tried),
         wanted=wanted,
         is_interrupted=is_interrupted,
@@ -637,7 +648,7 @@ def _tried(trial: FrozenTrial, limits: tuple[Limit, ...]) -> Tried:
     judged = _judged_from(record)
     is_met = all(miss <= 0.0 for miss in judged.violations(limits).values())
     return Tried(
-        number=trial.number,
+        number=int(trial.user_attrs.get(PLACE, trial.number)),
         parameters={name: _rounded(value) for name, value in trial.params.items()},
         digest=str(record["digest"]),
         judged=judged,

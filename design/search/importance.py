@@ -27,10 +27,15 @@ def importances(space: SearchSpace, url: str) -> dict[str, dict[str, float]]:
     with opened_study(space, url) as study:
         if len(trials_in(study, TrialState.COMPLETE)) < LEAST_DESIGNS:
             return {}
-        return {objective.figure: _shares(study, number) for number, objective in enumerate(space.objectives)}
+        paths = [field.path for field in space.fields]
+        return {
+            objective.figure: _shares(study, paths, number)
+            for number, objective in enumerate(space.objectives)
+        }
 
 
-def _shares(study: optuna.Study, number: int) -> dict[str, float]:
+def _shares(study: optuna.Study, paths: list[str], number: int) -> dict[str, float]:
+    """Shares of an objective; the fields are named, because Optuna's own order changes with Python's hash seed."""
     sign = -1.0 if study.directions[number] == optuna.study.StudyDirection.MAXIMIZE else 1.0
 
     def loss(trial: FrozenTrial) -> float:
@@ -41,5 +46,5 @@ def _shares(study: optuna.Study, number: int) -> dict[str, float]:
         for known in ("PedAnovaImportanceEvaluator computes", "Target and region quantiles"):
             warnings.filterwarnings("ignore", message=known, category=UserWarning)
         evaluator = PedAnovaImportanceEvaluator()
-        found = optuna.importance.get_param_importances(study, evaluator=evaluator, target=loss)
+        found = optuna.importance.get_param_importances(study, evaluator=evaluator, params=paths, target=loss)
     return {name: float(share) for name, share in found.items()}

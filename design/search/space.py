@@ -69,6 +69,10 @@ _PATTERNS = {
 _FIXED = frozenset({"schema_version", "name", "description", "measured", "catalog", "part_measurements"})
 
 
+MOST_STEPS = 100_000
+"""Largest number of steps in a range, whose values are listed one by one."""
+
+
 class SpaceField(Model):
     """One field that varies over a range, or between choices."""
 
@@ -101,6 +105,11 @@ class SpaceField(Model):
         if self.step is not None and not _divides(self.step, self.high - self.low):
             raise ValueError(
                 f"{self.path}: steps of {self.step:g} from {self.low:g} do not reach {self.high:g}; change high or step"
+            )
+        if self.step is not None and (self.high - self.low) / self.step > MOST_STEPS:
+            raise ValueError(
+                f"{self.path}: {(self.high - self.low) / self.step:.3g} steps of {self.step:g} are refused: at most "
+                f"{MOST_STEPS}; raise step, or leave it out for any value"
             )
         return self
 
@@ -241,11 +250,12 @@ class SearchSpace(Model):
             return list(field.labels)
         assert field.low is not None
         assert field.high is not None
-        step = field.step or (1.0 if self.is_whole(field) else None)
-        if step is None:
+        if self.is_whole(field):
+            return list(range(round(field.low), round(field.high) + 1, round(field.step or 1.0)))
+        if field.step is None:
             return None
-        count = math.floor((field.high - field.low) / step + 1e-6) + 1
-        return [self._typed(field, round(field.low + number * step, ROUND_DIGITS)) for number in range(count)]
+        count = math.floor((field.high - field.low) / field.step + 1e-6) + 1
+        return [round(field.low + number * field.step, ROUND_DIGITS) for number in range(count)]
 
     def changed(self, parameters: Mapping[str, Value]) -> SensorDesign:
         """The base design with the values of a point.
@@ -394,7 +404,7 @@ def _require_no_overlap(paths: list[str]) -> None:
 
 def _require_consistent(constraints: tuple[SpaceConstraint, ...]) -> None:
     """Raise ValueError if limits of one figure contradict each other, so that no design can satisfy them."""
-    for figure in {constraint.figure for constraint in constraints}:
+    for figure in dict.fromkeys(constraint.figure for constraint in constraints):
         said = [constraint for constraint in constraints if constraint.figure == figure]
         if len({one.equals for one in said}) > 1:
             raise ValueError("constraints: verdict cannot equal two things at once; remove one")

@@ -478,7 +478,8 @@ def beside_chord(
     ends = (cavity.emitters[pair[0]], cavity.receivers[pair[1]])
     start, end = (np.array(part.position_mm[:2]) for part in ends)
     along, to_place = end - start, np.array(place_mm) - start
-    share = float(np.clip(to_place @ along / (along @ along), 0.0, 1.0))
+    squared = float(along @ along)  # 0 for parts of two walls in their common corner
+    share = float(np.clip(to_place @ along / squared, 0.0, 1.0)) if squared > 0.0 else 0.0
     return float(np.hypot(*(to_place - share * along))), share
 
 

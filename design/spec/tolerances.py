@@ -11,10 +11,10 @@ correlations between values, because none are known.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import Literal
+from typing import Any, Literal
 
 from design.errors import DesignError
 from design.fields.base import get_at, is_value, known_values, unknown_path
@@ -75,18 +75,20 @@ def build_tolerances(design: SensorDesign) -> tuple[Tolerance, ...]:
     DesignError : a path in the design's table `tolerances` does not lead to a number.
     """
     found = {one.path: one for one in (*_open_values(design), *_made_values(design))}
+    values = _values_of(design)
     for path, half_width in design.tolerances.items():
         found.pop(path, None)
         if half_width > 0.0:
-            found[path] = _given(design, path, half_width)
+            found[path] = _given(path, half_width, *values.at(path))
     return tuple(found.values())
 
 
 def tolerance_findings(design: SensorDesign) -> Iterator[Finding]:
     """Errors about paths in the design's table `tolerances` that do not lead to a number."""
+    values = _values_of(design)
     for path, half_width in design.tolerances.items():
         try:
-            _value_at(design, path)
+            values.at(path)
         except DesignError as err:
             yield error(
                 f"tolerances.{path}",
@@ -140,8 +142,7 @@ def _made_values(design: SensorDesign) -> list[Tolerance]:
     return found
 
 
-def _given(design: SensorDesign, path: str, half_width: float) -> Tolerance:
-    value, unit = _value_at(design, path)
+def _given(path: str, half_width: float, value: float, unit: str) -> Tolerance:
     return Tolerance(
         path=path,
         value=value,
@@ -154,18 +155,32 @@ def _given(design: SensorDesign, path: str, half_width: float) -> Tolerance:
     )
 
 
-def _value_at(design: SensorDesign, path: str) -> tuple[float, str]:
-    """Value and unit of a field of the design, or of a part or material that the design uses."""
+@dataclass(frozen=True, kw_only=True)
+class _Values:
+    """Values with units that a tolerance may name: of the parts and materials in use, and fields of the design."""
+
+    used: Mapping[str, Quantity]
+    document: Mapping[str, Any]
+
+    def at(self, path: str) -> tuple[float, str]:
+        """Value and unit at a dotted path; DesignError if it does not lead to a number."""
+        if path in self.used:
+            return self.used[path].value, self.used[path].unit
+        if not is_value(self.document, path):
+            raise DesignError(f"tolerances: {unknown_path(path, (*known_values(SensorDesign), *self.used))}")
+        value = get_at(self.document, path)
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise DesignError(
+                f"tolerances: {path}: {value!r} is no number, so it has no tolerance; remove it"
+            )
+        return float(value), next((unit for end, unit in UNIT_ENDS.items() if path.endswith(end)), "1")
+
+
+def _values_of(design: SensorDesign) -> _Values:
+    if not design.tolerances:
+        return _Values(used={}, document={})
     used = {one.path: one.quantity for one in used_values(design)}
-    if path in used:
-        return used[path].value, used[path].unit
-    document = design.model_dump(mode="json")
-    if not is_value(document, path):
-        raise DesignError(f"tolerances: {unknown_path(path, (*known_values(SensorDesign), *used))}")
-    value = get_at(document, path)
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise DesignError(f"tolerances: {path}: {value!r} is no number, so it has no tolerance; remove it")
-    return float(value), next((unit for end, unit in UNIT_ENDS.items() if path.endswith(end)), "1")
+    return _Values(used=used, document=design.model_dump(mode="json"))
 
 
 UNIT_ENDS = {"_mm": "mm", "_deg": "deg", "_n": "N", "_mpa": "MPa", "_db_per_cm": "dB/cm", "_nm": "nm"}

@@ -204,6 +204,7 @@ class DriftTracker:
         self._time_s = None
         self._held_s = -math.inf
         self._gain_since_s = self._odd_since_s = None
+        self._touched_share = 0.0
         self._waiting.clear()
         self._forget_short()
 

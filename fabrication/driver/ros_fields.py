@@ -1,4 +1,4 @@
-"""Fields of optopad's ROS 2 messages as plain data, and the filling of a message object with them.
+"""Fields of optopad's ROS 2 messages as plain data, the filling of a message object with them, and parameters.
 
 Lengths in messages of ROS's own types are metres, as REP 103 requires; fields with a unit in their name have that unit.
 """
@@ -6,23 +6,32 @@ Lengths in messages of ROS's own types are metres, as REP 103 requires; fields w
 from __future__ import annotations
 
 import math
+import time
+from contextlib import suppress
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from design.errors import InputError
 from fabrication.driver.recording.mcap_file import frame_message, sensor_message, stamp
 
 if TYPE_CHECKING:
     from fabrication.driver.descriptor import Descriptor
+    from fabrication.driver.link.frames import Frame
     from fabrication.driver.stream import LinkCounts
     from fabrication.driver.touch_reader import Touch
 
 __all__ = [
+    "NodeClock",
     "diagnosis",
     "filled",
     "frame_message",
     "marker",
+    "no_touch_marker",
+    "parameter",
     "sensor_message",
+    "stamp",
     "top_frame",
     "touch_message",
 ]
@@ -30,6 +39,9 @@ __all__ = [
 M_PER_MM = 1e-3
 CUBE, SPHERE = 1, 2
 """Types of visualization_msgs/Marker."""
+ADD, DELETE = 0, 2
+"""Actions of visualization_msgs/Marker."""
+BODY_ID, TOUCH_ID = 0, 1
 OK, WARN, ERROR = 0, 1, 2
 """Levels of diagnostic_msgs/DiagnosticStatus."""
 SHOWN_S = 0.5
@@ -49,6 +61,49 @@ def filled(message: Any, fields: dict[str, Any]) -> Any:
         else:
             setattr(message, name, value)
     return message
+
+
+def parameter(name: str, given: Any, default: bool | float | str) -> Any:
+    """A parameter's value in the type of its default.
+
+    ROS 2 takes the type from how a value is written: `200` is an integer, and a name of digits is a number.
+
+    Raises
+    ------
+    InputError : the value has another type, or is no number where one is needed.
+    """
+    kind = type(default)
+    with suppress(ValueError):
+        if isinstance(given, bool) == (kind is bool) and isinstance(given, (bool, int, float, str)):
+            return kind(given)
+    need = {bool: "true or false", float: "a number", str: "text, in quotes"}[kind]
+    raise InputError(f"{name}: {given!r} is refused: give {need}")
+
+
+class NodeClock:
+    """Turns times of this machine's clock into times of a node's clock, which differs with ``use_sim_time`` only.
+
+    A time by the clock of a simulation is its time now, less the time that has passed by this machine's clock. That
+    clock advances in steps, so the times of frames are kept from going back, unless the clock itself goes back.
+    """
+
+    def __init__(self) -> None:
+        self._now_s = self._latest_s = 0.0
+
+    def frame(self, frame: Frame, now_s: float | None) -> Frame:
+        """A frame with its times by the node's clock.
+
+        Parameters
+        ----------
+        now_s : time of the simulation [s]; None if the node's clock is this machine's
+        """
+        if now_s is None:
+            return frame
+        if now_s < self._now_s:
+            self._latest_s = 0.0
+        ahead_s = now_s - time.time()
+        self._now_s, self._latest_s = now_s, max(self._latest_s, frame.began_s + ahead_s)
+        return replace(frame, began_s=self._latest_s, host_s=max(self._latest_s, frame.host_s + ahead_s))
 
 
 def touch_message(touch: Touch, frame_id: str) -> dict[str, Any]:
@@ -74,11 +129,11 @@ def touch_message(touch: Touch, frame_id: str) -> dict[str, Any]:
     }
 
 
-def top_frame(said: Descriptor, frame_id: str) -> dict[str, Any]:
+def top_frame(said: Descriptor, frame_id: str, now_s: float) -> dict[str, Any]:
     """Fields of the static transform from the pad's coordinates to the middle of the untouched top."""
     middle = (0.0, 0.0, 0.0) if said.surface is None else said.surface.top_mm
     return {
-        "header": {"frame_id": frame_id},
+        "header": {"stamp": stamp(now_s), "frame_id": frame_id},
         "child_frame_id": f"{frame_id}_top",
         "transform": {"translation": _vector(middle, M_PER_MM), "rotation": {"w": 1.0}},
     }
@@ -86,21 +141,17 @@ def top_frame(said: Descriptor, frame_id: str) -> dict[str, Any]:
 
 def marker(said: Descriptor, touch: Touch | None, frame_id: str, began_s: float) -> dict[str, Any]:
     """Fields of the marker for RViz: the pad's body without `touch`, else a ball at the touch, larger when deeper."""
-    common = {"header": {"frame_id": frame_id, "stamp": stamp(began_s)}, "ns": frame_id, "action": 0}
     if touch is None:
         low, high = _box_mm(said)
-        return common | {
-            "id": 0,
-            "type": CUBE,
+        return _marker(frame_id, began_s, BODY_ID, CUBE, ADD) | {
             "pose": {"position": _vector((low + high) / 2, M_PER_MM), "orientation": {"w": 1.0}},
             "scale": _vector(high - low, M_PER_MM),
             "color": {"r": 0.6, "g": 0.8, "b": 1.0, "a": 0.35},
         }
-    size = 1.0 + float(np.nan_to_num(touch.press_mm[2]))
-    return common | {
-        "id": 1,
-        "type": SPHERE,
-        "action": 0 if touch.is_touched else 2,  # 2 removes it
+    if not touch.is_touched:
+        return no_touch_marker(frame_id, began_s)
+    size = 1.0 + float(touch.press_mm[2])
+    return _marker(frame_id, began_s, TOUCH_ID, SPHERE, ADD) | {
         "pose": {"position": _vector(np.nan_to_num(touch.point_mm), M_PER_MM), "orientation": {"w": 1.0}},
         "scale": _vector((size, size, size), M_PER_MM),
         "color": {"r": 1.0, "g": 0.4, "b": 0.1, "a": 0.9},
@@ -108,20 +159,38 @@ def marker(said: Descriptor, touch: Touch | None, frame_id: str, began_s: float)
     }
 
 
+def no_touch_marker(frame_id: str, time_s: float) -> dict[str, Any]:
+    """Fields of the marker that removes the ball at a touch."""
+    return _marker(frame_id, time_s, TOUCH_ID, SPHERE, DELETE)
+
+
+def _marker(frame_id: str, time_s: float, number: int, kind: int, action: int) -> dict[str, Any]:
+    header = {"frame_id": frame_id, "stamp": stamp(time_s)}
+    return {"header": header, "ns": frame_id, "id": number, "type": kind, "action": action}
+
+
 def diagnosis(
-    counts: LinkCounts | None, rate_hz: float | None, required_hz: float, fault: str
+    counts: LinkCounts | None,
+    before: LinkCounts | None,
+    rate_hz: float | None,
+    required_hz: float,
+    fault: str,
 ) -> dict[str, Any]:
     """Level, message and values of a sensor's diagnostic status.
 
-    It is a warning if frames are lost, damaged or not read in time, or if the rate is below nine tenths of the required
-    one.
+    It is an error if there is a fault. It is a warning if frames were lost, damaged or not read in time since the
+    counts `before`, or if the rate is below nine tenths of the required one.
     """
     values = {} if counts is None else {name: str(value) for name, value in vars(counts).items()}
     values |= {"rate_hz": "-" if rate_hz is None else f"{rate_hz:.1f}", "required_hz": f"{required_hz:.1f}"}
     if fault or counts is None:
         return {"level": ERROR, "message": fault or "not open", "values": values}
     is_slow = rate_hz is not None and rate_hz < 0.9 * required_hz
-    faults = [name for name in ("lost", "damaged", "overrun") if getattr(counts, name)] + ["slow"] * is_slow
+    faults = [
+        name
+        for name in ("lost", "damaged", "overrun")
+        if getattr(counts, name) > (0 if before is None else getattr(before, name))
+    ] + ["slow"] * is_slow
     return {"level": WARN if faults else OK, "message": ", ".join(faults) or "reading", "values": values}
 
 

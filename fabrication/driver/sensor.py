@@ -8,6 +8,9 @@
 
 The `with` statement finds the board, waits until it has restarted, refuses it if it is of another design, starts it,
 and takes a baseline of the untouched pad. Every delivered frame is complete and checked; missing frames are counted.
+
+A board that was unplugged is found again, also under another name of its port. Its frames then have the next connection
+number. The baseline is kept, because the pad may be touched at that moment; `take_baseline` renews it.
 """
 
 from __future__ import annotations
@@ -17,7 +20,7 @@ import os
 import time
 from collections.abc import Callable, Iterable, Iterator
 from types import TracebackType
-from typing import Self
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,11 +29,22 @@ from design.errors import DeviceError, InputError
 from fabrication.driver.descriptor import Descriptor, descriptor_of
 from fabrication.driver.link.frames import Frame, FrameDecoder
 from fabrication.driver.link.link import ANSWER_S, Link, check_hello, interval_us, require_digest
-from fabrication.driver.link.ports import GATHER_S, GUESSED, Port, find_port, is_guess, on_standard_error
+from fabrication.driver.link.ports import (
+    GATHER_S,
+    GUESSED,
+    Port,
+    find_port,
+    is_guess,
+    on_standard_error,
+    serial_number_of,
+)
 from fabrication.driver.link.protocol import Hello, SelfTest, frame_format
 from fabrication.driver.recording.recorder import Recorder
 from fabrication.driver.stream import LinkCounts, Stream
 from fabrication.driver_file import DriverConfig, load_driver_config
+
+if TYPE_CHECKING:
+    from typing_extensions import Self  # in typing from Python 3.11
 
 BASELINE_S = 0.5
 PATIENCE_S = 10.0
@@ -42,7 +56,7 @@ SLOWEST_HZ = 0.001
 """Lowest permitted frame rate, the same as in a design [Hz]."""
 
 SILENCE_S = 1.0
-"""If no frame arrives for this time at the end of a reading of limited duration, the board counts as lost [s]."""
+"""If no frame arrives for this time and three frame intervals, or for `patience_s`, the board counts as silent [s]."""
 
 
 class Sensor:
@@ -56,8 +70,8 @@ class Sensor:
     rate_hz : frames per second; 0 for the board's highest rate. If None, the design's rate is used
     accept_digest : first 8 or more digits of the digest of another accepted design, or None
     baseline_s : time for which the untouched pad is read on opening [s]; 0 for no baseline
-    patience_s : longest wait for the board on opening, and for a frame, including reconnection [s]. If None, it is
-        10 s, or more for a board that boots more slowly. The limit for a frame is at least three frame intervals
+    patience_s : longest wait for a frame, including reconnection, and for the board on opening [s]; if None, 10 s. The
+        limit for a frame is at least three frame intervals, that on opening at least the boot time of the board
     gather_s : interval at which frames are delivered in batches, to reduce the processor's load [s]; 0 to deliver each
         frame immediately
     not_ports : names of ports to exclude when the board is searched, because other devices such as a stage use them
@@ -68,6 +82,8 @@ class Sensor:
     ----------
     config : configuration of the design
     descriptor : geometry, names, units and rates of the readings
+    patience_s : longest wait for a frame, including reconnection [s]
+    serial_number : serial number of the board's USB device at the latest connection; "" if it has none
     """
 
     def __init__(
@@ -94,11 +110,15 @@ class Sensor:
         require_digest(accept_digest)
         self._accept_digest = accept_digest
         self._baseline_s = baseline_s
-        slowest_s = self.config.board.boot_s + ANSWER_S
-        self._opening_s = max(PATIENCE_S, slowest_s) if patience_s is None else patience_s
-        if not 0.0 < self._opening_s < math.inf:
+        if patience_s is not None and not 0.0 < patience_s < math.inf:
             raise InputError(f"patience_s: {patience_s:g} is refused: give more than 0 [s]")
-        self._patience_s = max(self._opening_s, 3.0 / self._rate_hz if self._rate_hz else 0.0)
+        self._opening_s = max(
+            PATIENCE_S if patience_s is None else patience_s, self.config.board.boot_s + ANSWER_S
+        )
+        three_s = 3.0 / self._rate_hz if self._rate_hz else 0.0
+        self.patience_s = max(self._opening_s if patience_s is None else patience_s, three_s)
+        self._silence_s = min(max(SILENCE_S, three_s), self.patience_s)
+        self.serial_number = ""
         self._not_ports = tuple(not_ports)
         self._on_wait = on_wait or on_standard_error
         self._gather_s = gather_s
@@ -136,19 +156,18 @@ class Sensor:
         DeviceError : no frame arrived within `patience_s`, or the time ended while the board was lost or silent.
         OutputError : a recording failed; it contains all earlier frames.
         """
-        heard_at = time.monotonic()
-        end = None if seconds is None else heard_at + seconds
+        begun = time.monotonic()
+        end = None if seconds is None else begun + seconds
         taken = 0
         while (count is None or taken < count) and (end is None or time.monotonic() < end):
             frame = self._open.taken(POLL_S) if end is not None else self.read()
             if frame is not None:
                 taken += 1
                 yield frame
-                heard_at = time.monotonic()
-            elif (silent_s := time.monotonic() - heard_at) >= self._patience_s:
-                raise self._silence(silent_s)
-        if end is not None and time.monotonic() >= end:
-            self._require_heard(heard_at)
+            elif min(self.silent_s, time.monotonic() - begun) >= self.patience_s:
+                raise self._silence()
+        if end is not None and time.monotonic() >= end and self.fault:
+            raise self._silence()
 
     def read(self) -> Frame:
         """The next frame.
@@ -158,12 +177,12 @@ class Sensor:
         DeviceError : no frame arrived within `patience_s`.
         OutputError : a recording failed; it contains all earlier frames, and reading may continue.
         """
-        stream, end = self._open, time.monotonic() + self._patience_s
+        stream, end = self._open, time.monotonic() + self.patience_s
         while time.monotonic() < end:
             frame = stream.taken(POLL_S)
             if frame is not None:
                 return frame
-        raise self._silence(self._patience_s)
+        raise self._silence()
 
     def take_baseline(self, seconds: float = BASELINE_S) -> FloatArray:
         """Read the untouched pad for a time [s]; the mean of its signals becomes the baseline.
@@ -172,14 +191,24 @@ class Sensor:
         -------
         mean signals, shape (emitters, receivers) [counts]
         """
-        self._open.forget_waiting()
-        end, signals = time.monotonic() + seconds, [self.read().signals]
-        while time.monotonic() < end:
-            signals.append(self.read().signals)
-        baseline: FloatArray = np.mean(signals, axis=0)
+        baseline: FloatArray = np.mean([frame.signals for frame in self.new_frames(seconds)], axis=0)
         self._decoder.baseline = baseline
         self._open.forget_waiting()
         return baseline
+
+    def new_frames(self, seconds: float, least: int = 1) -> list[Frame]:
+        """The frames of one connection that arrive from now on, for a time [s] and until there are `least` of them.
+
+        Raises the same errors as `read`.
+        """
+        self.skip_waiting()
+        end, frames = time.monotonic() + seconds, [self.read()]
+        while time.monotonic() < end or len(frames) < least:
+            frame = self.read()
+            if frame.connection != frames[0].connection:
+                end, frames = time.monotonic() + seconds, []
+            frames.append(frame)
+        return frames
 
     @property
     def waiting(self) -> int:
@@ -223,8 +252,22 @@ class Sensor:
 
     @property
     def rate_hz(self) -> float | None:
-        """Delivered frames per second, over the last 256 frames by the board's clock; None before the second frame."""
-        return self._decoder.rate_hz
+        """Delivered frames per second, over the last 256 frames by the board's clock.
+
+        It is None before a connection's second frame, and 0 while no frames arrive.
+        """
+        return 0.0 if self.fault else self._decoder.rate_hz
+
+    @property
+    def silent_s(self) -> float:
+        """Time since the latest frame arrived, or since the opening if none did [s]."""
+        return time.monotonic() - self._open.heard_at
+
+    @property
+    def fault(self) -> str:
+        """Why no frames arrive, "" while they do: the port is lost, or the board silent for 1 s and three intervals."""
+        is_silent = self._open.why_away or self.silent_s > self._silence_s
+        return str(self._silence()) if is_silent else ""
 
     @property
     def baseline(self) -> FloatArray | None:
@@ -237,17 +280,11 @@ class Sensor:
             raise DeviceError("the sensor is not open; use it as `with Sensor(...) as sensor:`")
         return self._stream
 
-    def _require_heard(self, heard_at: float) -> None:
-        silent_s = time.monotonic() - heard_at
-        longest_s = max(SILENCE_S, 3.0 / self._rate_hz if self._rate_hz else 0.0)
-        if self._open.why_away or silent_s > longest_s:
-            raise self._silence(silent_s)
-
-    def _silence(self, silent_s: float) -> DeviceError:
+    def _silence(self) -> DeviceError:
         stream = self._open
         return DeviceError(
             stream.why_away
-            or f"{self.port}: no whole frame for {silent_s:.2g} s ({stream.counts.skipped_bytes} bytes outside "
+            or f"{self.port}: no whole frame for {self.silent_s:.2g} s ({stream.counts.skipped_bytes} bytes outside "
             f"frames, {stream.counts.damaged} damaged frames); check cable and board, lower the rate or baud"
         )
 
@@ -277,6 +314,7 @@ class Sensor:
             )
             if guessed:
                 self._found_port = name  # after unplugging, the only such chip may be a printer's
+            self.serial_number = serial_number_of(port.name)
             return link, hello
         except BaseException:
             port.close()

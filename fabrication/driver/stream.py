@@ -3,8 +3,9 @@
     port -> scanner -> decoder -> queue -> Sensor
                   \\-> recorder
 
-If the port is lost, the thread looks for the board ten times per second, identifies it and starts it again. Any other
-fault raises an error when the next frame is read.
+If the port is lost, or the board on it is silent or has another design's firmware, the thread looks for the board ten
+times per second, identifies it and starts it again, for as long as the sensor is open. A fault of optopad's own raises
+an error when the next frame is read.
 """
 
 from __future__ import annotations
@@ -29,6 +30,9 @@ LOOK_EVERY_S = 0.1
 
 START_AGAIN_S = 1.0
 """If a board is silent for this time, the start command is sent again, because it may have been damaged [s]."""
+
+OPEN_AGAIN = 5
+"""After this number of start commands without a reply, the port is opened again, which resets most boards."""
 
 LATE_HELLO_S = 1.5
 """A hello within this time after a board's first one is considered a repeated reply, not the sign of a reset [s]."""
@@ -73,6 +77,11 @@ class Stream:
     decoder : decoder of the frames
     interval_us : frame interval [us]; 0 for the board's shortest interval
     checked : function that receives and returns a board's hello; it raises DeviceError if that is of another design
+
+    Attributes
+    ----------
+    heard_at : time of the latest frame's arrival, or of the first connection, by the monotonic clock [s]
+    why_away : why there is no connection; "" while there is one
     """
 
     def __init__(
@@ -94,6 +103,7 @@ class Stream:
         self._recorders: list[Recorder] = []
         self.why_away = ""
         self.link, self.hello = self._connection()
+        self.heard_at = time.monotonic()
         self._thread = threading.Thread(target=self._run, name="optopad sensor", daemon=True)
 
     def begin(self) -> None:
@@ -131,8 +141,9 @@ class Stream:
 
         Raises
         ------
-        DeviceError : a fault stopped the thread; raised once all earlier frames have been taken.
         OutputError : a recording failed; raised at once and only once, while the frames continue.
+
+        A fault of optopad's own that stopped the thread is raised once all earlier frames have been taken.
         """
         with suppress(IndexError):  # the queue is empty
             if self._notice is None:
@@ -188,22 +199,27 @@ class Stream:
             while not self._stopping.is_set():
                 try:
                     self._follow()
-                except PortLostError as err:
+                except DeviceError as err:
                     self._reconnect(err)
             self._stop_board()
         except Exception as err:  # all on purpose: the reader of frames raises what the thread cannot fix
             self._fail(err)
 
     def _follow(self) -> None:
-        heard_at = time.monotonic()
+        heard_at, starts = time.monotonic(), 0
         while not self._stopping.is_set():
             messages = self.link.messages()
             now = time.monotonic()
             if messages:
-                heard_at = now
+                heard_at, starts = now, 0
                 self._take(messages, time.time())
-            elif now - heard_at > max(START_AGAIN_S, 3 * self._interval_us / 1e6):
-                heard_at = now
+            elif now - heard_at > (starts + 1) * max(START_AGAIN_S, 3 * self._interval_us / 1e6):
+                starts += 1
+                if starts > OPEN_AGAIN:
+                    raise PortLostError(
+                        f"{self.link.port.name}: no whole message for {now - heard_at:.0f} s, so the port is opened "
+                        "again; check cable and board, lower the rate or baud"
+                    )
                 self.link.start(self._interval_us)
 
     def _take(self, messages: list[Message], host_s: float) -> None:
@@ -233,6 +249,7 @@ class Stream:
             for recorder in list(self._recorders):
                 self._write(recorder, batch, host_s, self._decoder.lost - lost)
             self._queue.extend(frames)
+            self.heard_at = time.monotonic()
             while len(self._queue) > QUEUE_FRAMES:
                 self._queue.popleft()
                 self._overrun += 1
@@ -268,7 +285,7 @@ class Stream:
             for recorder in self._recorders:
                 recorder.hello(message, time.time())
 
-    def _reconnect(self, err: PortLostError) -> None:
+    def _reconnect(self, err: DeviceError) -> None:
         self.why_away = str(err)
         self.link.port.close()
         while not self._stopping.wait(LOOK_EVERY_S):
@@ -299,4 +316,5 @@ class Stream:
     def _fail(self, err: Exception) -> None:
         with self._changed:
             self._error = self._error or err
+            self.why_away = f"{self.link.port.name}: reading has ended: {type(err).__name__}: {err}"
             self._changed.notify_all()

@@ -68,6 +68,10 @@ class Touch:
 class TouchReader:
     """Reads touches from a sensor: tracks drift, and predicts location, depth and force with a trained model.
 
+    A board that restarts or is plugged in again may find its pad touched, so the untouched signals of before are kept,
+    and everything else of drift tracking begins anew. A change of gains since then is taken over after 1 s, slow drift
+    with the time constant, and any other change counts as a touch. `restart` measures the untouched signals again.
+
     Parameters
     ----------
     sensor : open sensor; the pad must be untouched at the first read
@@ -95,7 +99,7 @@ class TouchReader:
         self._times_s = time_constant_s, guard_s
         self._start_s = start_s
         self._tracker: DriftTracker | None = None
-        self._connection = 0
+        self._last: Frame | None = None
 
     def __iter__(self) -> Iterator[Touch]:
         return self.touches()
@@ -126,10 +130,7 @@ class TouchReader:
 
     def restart(self) -> None:
         """Measure the untouched signals again; the pad must be untouched."""
-        self.sensor.skip_waiting()
-        end, frames = time.monotonic() + self._start_s, [self.sensor.read()]
-        while time.monotonic() < end or len(frames) < 4 * LEAST_START_FRAMES:
-            frames.append(self.sensor.read())
+        frames = self.sensor.new_frames(self._start_s, least=4 * LEAST_START_FRAMES)
         tau_s, guard_s = self._times_s
         self._tracker = DriftTracker(
             np.array([frame.signals for frame in frames], dtype=np.float64),
@@ -138,7 +139,7 @@ class TouchReader:
             guard_s=guard_s,
             full_scale=float(self.sensor.descriptor.full_scale),
         )
-        self._connection = frames[-1].connection
+        self._last = frames[-1]
 
     @property
     def tracker(self) -> DriftTracker:
@@ -158,10 +159,10 @@ class TouchReader:
         return [self._touch(frame, signals[k], found, k) for k, frame in enumerate(frames)]
 
     def _touch(self, frame: Frame, signals: FloatArray, found: Prediction, k: int) -> Touch:
-        tracker = self.tracker
-        if frame.connection != self._connection:
-            self._connection = frame.connection
+        tracker, last = self.tracker, self._last
+        if last is None or frame.connection != last.connection or frame.device_us < last.device_us:
             tracker.restart()
+        self._last = frame
         says_touch = bool(found.is_touched[k])
         state = tracker.follow(frame.device_us / US_PER_S, signals, says_touch)
         is_touched = says_touch and not state.is_gain_like

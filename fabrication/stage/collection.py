@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.errors import DeviceError, InputError
 from design.files import own_folder, whole_file, write_whole
 from design.plain_arrays import plain_arrays
@@ -34,6 +35,7 @@ from fabrication.driver.recording.recorded import Recorded
 from fabrication.driver.sensor import Sensor
 from fabrication.driver_file import DriverConfig
 from fabrication.stage.stage import Position, PressList, Stage, StagePress
+from fabrication.stage.tip_path import NOWHERE, Knot, TracedStage, joined_path
 
 FORMAT, VERSION = "optopad-collection", 1
 PLAN = "plan.json"
@@ -42,6 +44,7 @@ MOST_BYTES = 500_000_000
 """Largest unpacked size of one press [bytes]; half an hour at 400 frames per second of 17 x 16 readings is 400 MB."""
 KEPT = "run the command again: earlier presses are kept"
 COLUMNS = ("counts", "press_mm", "connection", "sequence", "device_us", "host_s", "lost")
+PATH = "path"
 
 
 class CollectedParts:
@@ -80,13 +83,19 @@ class CollectedParts:
         """Numbers of the stored presses, which are their indices in the list of presses."""
         return {int(file.stem) for file in self.folder.glob("*.npz") if file.stem.isdecimal()}
 
-    def save(self, number: int, frames: list[Frame], press_mm: list[Position]) -> None:
-        """Store one complete press with the position of each frame; raises OutputError if it cannot be written."""
+    def save(self, number: int, frames: list[Frame], press_mm: list[Position], path: list[Knot]) -> None:
+        """Store one complete press with the position of each frame, and the tip's path since the press before it.
+
+        Raises
+        ------
+        OutputError : the file cannot be written.
+        """
         arrays = {
             "counts": np.array([frame.counts for frame in frames]),
             "press_mm": np.array(press_mm, dtype=np.float64),
             "host_s": np.array([frame.host_s for frame in frames]),
             "lost": np.array([frame.lost_before for frame in frames]),
+            PATH: np.array(path, dtype=np.float64).reshape(-1, 4),
         }
         for name in ("connection", "sequence", "device_us"):
             arrays[name] = np.array([getattr(frame, name) for frame in frames], dtype=np.int64)
@@ -128,6 +137,13 @@ class CollectedParts:
             ended_cleanly=len(numbers) == len(presses.presses),
         )
 
+    def path(self) -> FloatArray | None:
+        """The tip's path during all stored presses, as knots (n, 4) of time [s since 1970] and x, y, depth [mm].
+
+        It is None if the stage reported none, or if the clock was set back.
+        """
+        return joined_path(self._part(number)[PATH] for number in self.numbers())
+
     def remove(self) -> None:
         """Remove the folder; should be called when the data set contains all presses."""
         shutil.rmtree(self.folder, ignore_errors=True)
@@ -136,7 +152,7 @@ class CollectedParts:
         file = self.folder / f"{number:06d}.npz"
         try:
             found = plain_arrays(file, most_bytes=MOST_BYTES)
-            return {name: found[name] for name in COLUMNS}
+            return {name: found[name] for name in COLUMNS} | {PATH: found.get(PATH, np.empty((0, 4)))}
         except (OSError, ValueError, KeyError) as err:
             raise InputError(f"{file}: is damaged ({err}); delete it: that press is then repeated") from None
 
@@ -153,6 +169,15 @@ class CollectedParts:
                 f"{self.folder}: holds presses of another collection ({', '.join(other)} differ); choose another "
                 "--out, or delete the folder"
             )
+
+
+def _path(stage: Stage) -> list[Knot]:
+    return stage.path() if isinstance(stage, TracedStage) else []
+
+
+def _since_now(stage: Stage) -> list[Knot]:
+    """Beginning of a run's path: the position before it, since the last run, is unknown."""
+    return [(knot[0], *NOWHERE) for knot in _path(stage)[-1:]]
 
 
 SETTLE_S = 0.3
@@ -281,6 +306,7 @@ class Collector:
         self._presses.require_within(stage.limits)
         self.begin()
         order = list(numbers)
+        path = _since_now(stage)
         is_ambient: bool | None = None
         for done, number in enumerate(order):
             press = self._presses.presses[number]
@@ -289,7 +315,9 @@ class Collector:
                 stage.lift()
                 on_light(entry)
                 is_ambient = entry.is_ambient
-            self._parts.save(number, *self._made(stage, press))
+            frames, at = self._made(stage, press)
+            self._parts.save(number, frames, at, path + _path(stage))
+            path = []
             on_step((done + 1) / len(order))
         return len(order)
 
@@ -305,7 +333,7 @@ class Collector:
         recorded = self._parts.recorded(self._sensor.config, self._presses)
         kept = len(self._parts.numbers())
         if recorded is not None:
-            write_netcdf(recorded, self._out, f"{self._out.name}: collected")
+            write_netcdf(recorded, self._out, f"{self._out.name}: collected", self._parts.path())
         found = Collected(
             file=None if recorded is None else self._out,
             made=made,

@@ -19,11 +19,15 @@ import re
 import time
 from collections.abc import Callable
 from types import TracebackType
-from typing import Self
+from typing import TYPE_CHECKING
 
 from design.errors import DeviceError, InputError
 from fabrication.driver.link.ports import Port, PortLostError, on_standard_error
 from fabrication.stage.stage import Position, StageLimits
+from fabrication.stage.tip_path import NOWHERE, Knot, leg
+
+if TYPE_CHECKING:
+    from typing_extensions import Self  # in typing from Python 3.11
 
 ASK_EVERY_S = 2.0
 """Interval between requests to a printer that may still be booting [s]."""
@@ -278,6 +282,8 @@ class GcodeStage:
         self.left_at: Position | None = None
         self._origin: Position | None = None
         self._sent: Position | None = None
+        self._at: Position | None = None
+        self._knots: list[Knot] = []
         self._limits_are_off = False
         self._port: Port | None = None
         self._open_line: GcodeLine | None = None
@@ -340,20 +346,18 @@ class GcodeStage:
         ):  # its rounding would be an error of every depth: the given position becomes exact
             self._line.send(f"G92 X{x:.3f} Y{y:.3f} Z{z:.3f}")
         self._origin = x - x_mm, y - y_mm, z + depth_mm
-        self._sent = x_mm, y_mm, depth_mm
+        self._sent = self._at = x_mm, y_mm, depth_mm
         self.lift()
 
     def move_to(self, x_mm: float, y_mm: float, depth_mm: float) -> Position:
         """Move to a position, stop, and return the reported position; for details and errors see
         `stage.Stage.move_to`."""
         self.limits.require(x_mm, y_mm, depth_mm)
-        x, y, depth = self.position()
+        x, y, depth = self._at = self.position()
         if math.hypot(x_mm - x, y_mm - y) > TOLERANCE_MM / 2:
-            height = min(depth, -self._travel_mm)
-            self._go(depth, height)
-            self._slide(x_mm, y_mm, math.hypot(x_mm - x, y_mm - y))
-            depth = height
-        self._go(depth, depth_mm)
+            self._go(min(depth, -self._travel_mm))
+            self._slide(x_mm, y_mm)
+        self._go(depth_mm)
         return self._arrived((x_mm, y_mm, depth_mm))
 
     def lift(self) -> None:
@@ -362,6 +366,7 @@ class GcodeStage:
         An interrupt may have discarded a reply, so the command is sent without waiting for earlier replies.
         """
         height_mm = self._known_origin()[2] + self._travel_mm
+        start, self._at, sent_s = self._at, None, time.time()
         self._line.post(f"G1 Z{height_mm:.3f} {feed_word(self._speeds_mm_s[1])}")
         self._line.post("M400")
         self._line.post("M114")
@@ -374,6 +379,11 @@ class GcodeStage:
         self._line.answers("the lift", takes_s=way_mm / self._speeds_mm_s[1], is_last=is_up)
         if self._sent is not None:
             self._sent = *self._sent[:2], -self._travel_mm
+        if start is None:
+            self._knots.append((time.time(), *NOWHERE))
+        else:
+            self._at = *start[:2], -self._travel_mm
+            self._knots += leg(sent_s, time.time(), start, self._at, self._speeds_mm_s[1])
 
     def position(self) -> Position:
         """Position (x, y, depth) that the printer reports [mm].
@@ -382,8 +392,14 @@ class GcodeStage:
         """
         return self._position()[0]
 
+    def path(self) -> list[Knot]:
+        """Knots of the tip's path since the last call, see `tip_path.TracedStage.path`."""
+        found, self._knots = self._knots, []
+        return [*found, (time.time(), *(self._at or NOWHERE))]
+
     def stop(self) -> None:
         """Stop the motion immediately (M410), then lift the tip."""
+        self._at = None
         self._line.post("M410")
         self.lift()
 
@@ -401,28 +417,42 @@ class GcodeStage:
         """Move straight up by more than the largest depth; used after a reset, when the position is unknown."""
         up_mm = self.limits.deepest_mm + self._travel_mm
         self._line.send("G91")
-        self._ride(f"Z{up_mm:.3f}", up_mm, self._speeds_mm_s[1])
+        self._at = None
+        self._move(f"Z{up_mm:.3f}", up_mm, self._speeds_mm_s[1])
         self._line.send("G90")
 
-    def _go(self, depth_mm: float, to_depth_mm: float) -> None:
-        """Move vertically from one depth to another, slowly near and in the pad, and fast above."""
+    def _go(self, to_depth_mm: float) -> None:
+        """Move vertically to a depth, slowly near and in the pad, and fast above."""
+        x, y, depth = self._known_place()
         fast, slow = self._speeds_mm_s
         near = -NEAR_MM
-        if min(depth_mm, to_depth_mm) < near < max(depth_mm, to_depth_mm):
-            self._go(depth_mm, near)
-            self._go(near, to_depth_mm)
-        elif depth_mm != to_depth_mm:
-            speed = fast if max(depth_mm, to_depth_mm) <= near else slow
+        if min(depth, to_depth_mm) < near < max(depth, to_depth_mm):
+            self._go(near)
+            self._go(to_depth_mm)
+        elif depth != to_depth_mm:
+            speed = fast if max(depth, to_depth_mm) <= near else slow
             height = self._known_origin()[2] - to_depth_mm
-            self._ride(f"Z{height:.3f}", abs(to_depth_mm - depth_mm), speed)
+            self._ride(f"Z{height:.3f}", (x, y, to_depth_mm), speed)
 
-    def _slide(self, x_mm: float, y_mm: float, way_mm: float) -> None:
-        origin = self._known_origin()
-        self._ride(f"X{origin[0] + x_mm:.3f} Y{origin[1] + y_mm:.3f}", way_mm, self._speeds_mm_s[0])
+    def _slide(self, x_mm: float, y_mm: float) -> None:
+        origin, depth = self._known_origin(), self._known_place()[2]
+        words = f"X{origin[0] + x_mm:.3f} Y{origin[1] + y_mm:.3f}"
+        self._ride(words, (x_mm, y_mm, depth), self._speeds_mm_s[0])
 
-    def _ride(self, words: str, way_mm: float, speed_mm_s: float) -> None:
+    def _ride(self, words: str, end: Position, speed_mm_s: float) -> None:
+        start, self._at, sent_s = self._known_place(), None, time.time()
+        self._move(words, math.dist(start, end), speed_mm_s)
+        self._knots += leg(sent_s, time.time(), start, end, speed_mm_s)
+        self._at = end
+
+    def _move(self, words: str, way_mm: float, speed_mm_s: float) -> None:
         self._line.send(f"G1 {words} {feed_word(speed_mm_s)}")
         self._line.send("M400", takes_s=way_mm / speed_mm_s)
+
+    def _known_place(self) -> Position:
+        if self._at is None:
+            self._at = self.position()
+        return self._at
 
     def _arrived(self, target: Position) -> Position:
         self._sent = target

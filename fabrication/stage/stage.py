@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 from types import TracebackType
-from typing import Protocol, Self
+from typing import TYPE_CHECKING, Protocol
 
 from design.csv_table import read_csv
 from design.errors import InputError
@@ -30,6 +30,9 @@ from design.recordings import SetEntry
 from design.shape.outline import Outline
 from fabrication.driver.recording.position_log import set_entry, whole_place
 from fabrication.driver_file import WorkspaceLimits
+
+if TYPE_CHECKING:
+    from typing_extensions import Self  # in typing from Python 3.11
 
 NEEDED = ("x_mm", "y_mm", "depth_mm")
 ONE_SET = "collected"

@@ -67,17 +67,24 @@ def report(
     import webbrowser
 
     from design.errors import InputError
-    from fabrication.bundle import MANIFEST, altered_files
+    from fabrication.bundle import MANIFEST, altered_files, with_other_line_ends
 
     page = bundle / "report.html"
     if not (bundle / MANIFEST).is_file() or not page.is_file():
         raise InputError(f"{bundle}: no bundle with a report; make one with `optopad run DESIGN`")
     altered = altered_files(bundle)
+    rewrapped = with_other_line_ends(bundle, altered)
     if as_json:
-        print_json({"report": str(page), "altered": list(altered)})
+        print_json({"report": str(page), "altered": list(altered), "line_ends": list(rewrapped)})
     else:
         say(f"report    {page}")
-        for name in altered:
+        if rewrapped:
+            say(
+                f"warning   {len(rewrapped)} files have other line ends than the run wrote, and the same content: git "
+                "(core.autocrlf) or a copy by Windows changed them; put `* -text` into .gitattributes and check out "
+                "again, or copy the folder as it is"
+            )
+        for name in sorted(set(altered).difference(rewrapped)):
             say(f"warning   {name} differs from the manifest: it was changed after the run")
     if open_:
         webbrowser.open(page.resolve().as_uri())

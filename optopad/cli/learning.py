@@ -17,7 +17,7 @@ def evaluate(
     data: Annotated[
         Path,
         typer.Argument(
-            metavar="DATA", help="Data set or recording with known presses (.nc, .optorec, .mcap)."
+            metavar="DATA", help="Data set or recording with known presses (.nc, .optorec, .mcap, bag)."
         ),
     ],
     model: Annotated[
@@ -29,6 +29,8 @@ def evaluate(
             "--design", metavar="DESIGN", help="Design of the data: its workspace and published results."
         ),
     ] = None,
+    topic: options.Topic = None,
+    press_topic: options.PressTopic = None,
     set_: options.Set = None,
     out: Annotated[
         Path | None,
@@ -47,9 +49,10 @@ def evaluate(
     from optopad.results.prediction import accuracy_lines
 
     read = read_design(design, set_) if design is not None else None
+    data = options.named(data)
     folder = options.require_folder(out or data.with_name(f"{data.stem}-evaluation"))
     with progress(quiet=as_json) as step:
-        found, workspace = judge(data, model, read, on_step=step)
+        found, workspace = judge(data, model, read, topic=topic, press_topic=press_topic, on_step=step)
         made = write_accuracy(found, workspace, folder, "evaluation")
     files = f"files     {folder} ({made[0].name}, {made[1].name}, pictures)"
     tell(as_json, found.to_json, lambda: [*accuracy_lines(found), files])
@@ -107,7 +110,8 @@ def calibrate(
     data: Annotated[
         Path,
         typer.Argument(
-            metavar="DATA", help="Recording of 10 to 50 presses of the built pad (.nc, .optorec, .mcap)."
+            metavar="DATA",
+            help="Recording of 10 to 50 presses of the built pad (.nc, .optorec, .mcap, bag).",
         ),
     ],
     no_model: Annotated[
@@ -123,6 +127,8 @@ def calibrate(
         ),
     ] = None,
     offset: options.Offset = None,
+    topic: options.Topic = None,
+    press_topic: options.PressTopic = None,
     set_: options.Set = None,
     out: Annotated[
         Path | None,
@@ -142,6 +148,7 @@ def calibrate(
     from optopad.jobs.calibration import earlier_model_note, write_calibration
 
     read = read_design(design, set_)
+    data = options.named(data)
     folder = options.require_folder(out or data.with_name(f"{data.stem}-calibration"))
     shift = options.parsed_offset(offset)
     if offset is not None and force is None:
@@ -156,6 +163,8 @@ def calibrate(
             on_step=step,
             force=force,
             offset=shift,
+            topic=topic,
+            press_topic=press_topic,
         )
         files = write_calibration(made, read, folder)
         made = replace(made, notes=(*made.notes, *earlier_model_note(made, folder)))
@@ -168,7 +177,7 @@ def train(
         list[Path],
         typer.Argument(
             metavar="DATA",
-            help="Data sets or recordings with known presses (.nc, .optorec, .mcap), of one sensor.",
+            help="Data sets or recordings with known presses (.nc, .optorec, .mcap, bag), of one sensor.",
         ),
     ],
     learner: Annotated[
@@ -189,6 +198,8 @@ def train(
         str,
         typer.Option("--effort", metavar="NAME", help="Number of samples: quick, default, full, or whole."),
     ] = "default",
+    topic: options.Topic = None,
+    press_topic: options.PressTopic = None,
     set_: options.Set = None,
     out: Annotated[
         Path | None,
@@ -210,5 +221,15 @@ def train(
         raise InputError("--set: changes a design; name it with --design")
     read = None if design is None else read_design(design, set_)
     with progress(quiet=as_json) as step:
-        found = train_models(data, learner, out, design=read, effort=effort, seed=seed, on_step=step)
+        found = train_models(
+            [options.named(one) for one in data],
+            learner,
+            out,
+            design=read,
+            effort=effort,
+            seed=seed,
+            topic=topic,
+            press_topic=press_topic,
+            on_step=step,
+        )
     tell(as_json, found.to_json, found.lines)

@@ -31,6 +31,7 @@ def main(arguments: list[str] | None = None) -> int:
         from optopad.cli.interrupts import listen
 
         listen()
+        _hide_warnings()
         code = _run(sys.argv[1:])
     except KeyboardInterrupt:  # before the command line's library handles it, or after
         code = INTERRUPTED
@@ -41,6 +42,14 @@ def main(arguments: list[str] | None = None) -> int:
     if code == INTERRUPTED:
         leave(code)
     sys.exit(code)
+
+
+def _hide_warnings() -> None:
+    """Show no warning of Python to users, who cannot act on it; -W or PYTHONWARNINGS shows them."""
+    import warnings
+
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")
 
 
 def _told(code: int) -> int:
@@ -65,6 +74,11 @@ def _outcome(arguments: list[str]) -> int:
     import gc
     import os
 
+    if sys.version_info < (3, 11):
+        version = ".".join(map(str, sys.version_info[:3]))
+        return _refused(
+            f"commands need Python 3.11 to 3.13, this is {version}; here, use `import optopad` in Python"
+        )
     gc.set_threshold(*COLLECTED_AFTER)
     if os.path.expanduser("~") == "~":  # libraries would fail during import
         from sims.cache import NO_HOME
@@ -83,7 +97,8 @@ def _outcome(arguments: list[str]) -> int:
     except TyperException as err:
         return _misused(err)
     except OSError as err:
-        if err.errno not in (errno.ENAMETOOLONG, errno.ELOOP):
+        unusable = (errno.ENAMETOOLONG, errno.ELOOP, errno.EACCES, errno.EPERM, errno.EISDIR, errno.ENOTDIR)
+        if err.errno not in unusable or err.filename is None:
             raise
         return _refused(readable(f"{err.filename}: {err.strerror}; give another name"))
     except typer.Abort:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
@@ -96,7 +97,7 @@ Patience = Annotated[
         "--patience",
         metavar="S",
         min=0.1,
-        help="Longest wait for the board to start, and for a frame (10 s if left out).",
+        help="Longest wait for a frame, and for the board to start, but at least its boot time (10 s if left out).",
     ),
 ]
 Rate = Annotated[
@@ -119,6 +120,22 @@ Bundles = Annotated[
     Path,
     typer.Option("--bundles", metavar="FOLDER", help="Folder that holds the bundles, to find a design's."),
 ]
+
+
+# options of recordings
+Topic = Annotated[
+    str | None,
+    typer.Option("--topic", metavar="NAME", help="Topic of the frames, in a bag of several sensors."),
+]
+PressTopic = Annotated[
+    str | None,
+    typer.Option("--press-topic", metavar="NAME", help="Topic of the presses, if a bag has several."),
+]
+
+
+def named(path: Path) -> Path:
+    """The path itself if it ends in a name, else the same place by its name: ``.`` gives the current folder's path."""
+    return path if path.name not in ("", "..") else Path(os.path.realpath(path))
 
 
 def checked_out(out: Path, *read: Path | str | None) -> None:

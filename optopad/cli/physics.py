@@ -13,7 +13,7 @@ from design.errors import InputError
 from design.spec import SensorDesign
 from optopad.cli import options
 from optopad.cli.output import foretell_score, print_json, progress, say, tell
-from optopad.work import RECORDINGS, parsed_change, parsed_value, read_design
+from optopad.work import is_recording, parsed_change, parsed_value, read_design
 
 if TYPE_CHECKING:
     from design.spec import SensorDesign
@@ -262,7 +262,7 @@ def _listed(span: str) -> list[Any]:
     return [parsed_value(text) for text in texts]
 
 
-PRESSES = (".nc", ".csv", *RECORDINGS)
+PRESSES = (".nc", ".csv")
 
 
 def compare(
@@ -270,7 +270,7 @@ def compare(
         list[str],
         typer.Argument(
             metavar="DESIGN...",
-            help="Designs, bundles or presets; or one and a RECORDING (.nc, .csv, .optorec, .mcap).",
+            help="Designs, bundles or presets; or one and a RECORDING (.nc, .csv, .optorec, .mcap, bag).",
         ),
     ],
     with_: Annotated[
@@ -289,6 +289,8 @@ def compare(
         str | None,
         typer.Option("--at", metavar="X,Y", help="Recording: the location whose press is shown [mm]."),
     ] = None,
+    topic: options.Topic = None,
+    press_topic: options.PressTopic = None,
     set_: options.Set = None,
     fine: options.Fine = False,
     out: options.Out = options.DEFAULT_OUT,
@@ -296,11 +298,15 @@ def compare(
     as_json: options.Json = False,
 ) -> None:
     """Compare designs and their scores, or a measured press with the simulated curve."""
-    recordings = [name for name in what if Path(name).suffix.lower() in PRESSES]
+    recordings = [name for name in what if Path(name).suffix.lower() in PRESSES or is_recording(Path(name))]
+    topics = (topic, press_topic)
     if recordings:
-        _recording(what, recordings, with_, pair, at, set_, out, seed, as_json)
+        _recording(what, recordings, with_, pair, at, topics, set_, out, seed, as_json)
         return
-    _refuse(pair or at, "--pair and --at are for a recording; leave them out, or name a .nc or .csv file")
+    _refuse(
+        pair or at or any(topics),
+        "--pair, --at, --topic and --press-topic are for a recording; leave them out, or name its file",
+    )
     from optopad.jobs.compare import compare as hold
 
     designs, labels = _designs(what, with_, set_)
@@ -339,6 +345,7 @@ def _recording(
     with_: list[str] | None,
     pair: list[str] | None,
     at: str | None,
+    topics: tuple[str | None, str | None],
     set_: list[str] | None,
     out: Path,
     seed: int,
@@ -353,7 +360,17 @@ def _recording(
     place, file = next(name for name in what if name not in recordings), Path(recordings[0])
     read = read_design(place, set_)
     with progress(quiet=as_json) as step:
-        found = compare_recording(read, file, out, pairs=pair or [], at=at, seed=seed, on_step=step)
+        found = compare_recording(
+            read,
+            file,
+            out,
+            pairs=pair or [],
+            at=at,
+            seed=seed,
+            topic=topics[0],
+            press_topic=topics[1],
+            on_step=step,
+        )
     files = f"files     {found.folder} ({found.stem}: json, svg, png)"
     tell(as_json, found.to_json, lambda: [*recorded_lines(found), files])
 

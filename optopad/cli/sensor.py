@@ -23,6 +23,7 @@ from optopad.cli.output import print_json, progress, say, tell
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
+    from design.progress import OnStep
     from fabrication.driver.recording.joined_log import JoinedLog
     from fabrication.driver.recording.lerobot import Take
     from fabrication.driver.recording.recorded import Recorded
@@ -279,7 +280,7 @@ def _show_touch(
         for touch in touches:
             write(json.dumps(touch_json(touch)))
     elif sys.stdout.isatty():
-        _drawn(touches, lambda touch: touch_view(touch, reader))
+        _drawn(reader.sensor, touches, lambda touch: touch_view(touch, reader))
     else:
         said_at = -math.inf
         for touch in touches:
@@ -294,21 +295,26 @@ def _live(sensor: Sensor, frames: int | None, seconds: float | None) -> None:
     from optopad.sensor.driver_view import live_table
 
     _drawn(
+        sensor,
         sensor.frames(frames, seconds),
         lambda frame: live_table(frame, sensor, shutil.get_terminal_size()),
     )
 
 
-def _drawn(answers: Iterator[Answer], view: Callable[[Answer], RenderableType]) -> None:
-    from rich.console import Console
+def _drawn(sensor: Sensor, answers: Iterator[Answer], view: Callable[[Answer], RenderableType]) -> None:
+    """Draw the latest answer ten times a second, and below it why none arrives."""
+    from rich.console import Console, Group
     from rich.live import Live
+    from rich.text import Text
 
-    drawn_at = 0.0
-    with Live(console=Console(), auto_refresh=False) as live:
-        for answer in answers:
-            if (now := time.monotonic()) - drawn_at >= LIVE_EVERY_S:
-                drawn_at = now
-                live.update(view(answer), refresh=True)
+    latest: Answer | None = None
+
+    def shown() -> RenderableType:
+        return "" if latest is None else Group(view(latest), Text(sensor.fault, style="bold red"))
+
+    with Live(get_renderable=shown, console=Console(), refresh_per_second=1 / LIVE_EVERY_S):
+        for latest in answers:  # noqa: B007, drawn by `shown`
+            pass
 
 
 def _follow(
@@ -443,6 +449,7 @@ def fake(
     """Start a simulated board on a port, with simulated signals of a moving finger. Ctrl-C ends it."""
     from fabrication.driver.simulated.board import FakeBoard
     from fabrication.driver.simulated.faults import faults_of
+    from fabrication.driver.simulated.finger import read_path
     from fabrication.stage.fake_printer import TipFinger
     from optopad.screen.verdict import as_typed
     from optopad.sensor.driver_view import driver_source, press_table
@@ -450,6 +457,8 @@ def fake(
     if out is not None:
         options.checked_out(out, config, path)
     _require_free_names(link, stage_link)
+    if path is not None:
+        read_path(path)  # refuses the file before the light is simulated
     source = driver_source(config, set_, bundles)
     faults = faults_of(source.config, fault or [])
     with progress(quiet=as_json) as step:
@@ -558,10 +567,11 @@ def _serve(board: FakeBoard, wire: Wire, seconds: float | None) -> None:
 
 
 def export(
-    recording: Annotated[
-        Path,
+    recordings: Annotated[
+        list[Path],
         typer.Argument(
-            metavar="RECORDING", help="A file of `driver record`, or a ROS 2 bag (.mcap, folder)."
+            metavar="RECORDING",
+            help="A file of `driver record`, or a ROS 2 bag (.mcap, .db3, folder); several with --lerobot.",
         ),
     ],
     out: Annotated[
@@ -590,80 +600,137 @@ def export(
         ),
     ] = None,
     offset: options.Offset = None,
-    topic: Annotated[
-        str | None,
-        typer.Option("--topic", metavar="NAME", help="Topic of the frames, in a bag of several sensors."),
-    ] = None,
+    topic: options.Topic = None,
+    press_topic: options.PressTopic = None,
     lerobot: Annotated[
         Path | None,
-        typer.Option("--lerobot", metavar="FOLDER", help="Write a LeRobot data set of one episode instead."),
+        typer.Option("--lerobot", metavar="FOLDER", help="Write the episodes of a LeRobot data set instead."),
     ] = None,
+    append: Annotated[
+        bool, typer.Option("--append", help="LeRobot: add the episodes to the data set in the folder.")
+    ] = False,
     fps: Annotated[
-        int, typer.Option("--fps", help="LeRobot: steps a second, as of the robot's cameras.")
-    ] = 30,
+        float, typer.Option("--fps", help="LeRobot: steps a second, as of the robot's cameras.")
+    ] = 30.0,
     take: Annotated[
         str, typer.Option("--take", help="LeRobot: mean, last, or all of the frames of a step.")
     ] = "mean",
     task: Annotated[
-        str, typer.Option("--task", metavar="TEXT", help="LeRobot: what the episode shows.")
-    ] = "touch",
+        list[str] | None,
+        typer.Option(
+            "--task",
+            metavar="TEXT",
+            help="LeRobot: what the episodes show ('touch'); once, or once a recording.",
+        ),
+    ] = None,
     as_json: options.Json = False,
 ) -> None:
     """Export the whole frames of a recording: netCDF or CSV for `compare` and `train`, MCAP, or LeRobot."""
-    from fabrication.driver.recording.export import read_recorded, write_csv, write_netcdf
+    from fabrication.driver.recording.export import read_recorded, write_export
     from fabrication.driver.recording.joined_log import joined
-    from fabrication.driver.recording.lerobot import write_lerobot
-    from fabrication.driver.recording.mcap_file import write_mcap
+    from fabrication.driver.recording.lerobot import Source, write_episodes
     from fabrication.driver.recording.position_log import read_position_log
     from fabrication.driver.simulated.finger import read_path
 
-    if lerobot is not None and out is not None:
-        raise InputError("--lerobot and --out: two results; give one")
-    target = lerobot or out or recording.with_suffix(".nc")
-    if target.resolve() == recording.resolve():
-        raise InputError(f"--out {target}: is the recording itself; choose another name")
+    target = lerobot or out or options.named(recordings[0]).with_suffix(".nc")
+    tasks = _tasks_of(recordings, task)
+    _require_one_result(recordings, target, lerobot, out, append=append)
     if lerobot is None:
         options.checked_out(target, presses, stage)
     if presses is not None and stage is not None:
         raise InputError("--presses and --stage: two sources of positions; give one")
     if offset is not None and stage is None:
         raise InputError("--offset: shifts a stage's log; give --stage, too")
+    for option, value in (("--presses", presses), ("--stage", stage)):
+        if value is not None and len(recordings) > 1:
+            raise InputError(f"{option} {value}: is of one recording; export each with --append")
     shift = options.parsed_offset(offset)
     log = None if stage is None else read_position_log(stage)
-    found = read_recorded(recording, None if presses is None else read_path(presses), topic)
-    join = None if log is None else joined(found, log, shift)
-    found = found if join is None else join.recorded
-    if lerobot is not None:
-        write_lerobot(found, lerobot, fps=fps, take=cast("Take", take), task=task)
-    else:
-        writers: dict[str, Callable[[Recorded, Path, str], None]] = {".csv": write_csv, ".mcap": write_mcap}
-        writers.get(target.suffix.lower(), write_netcdf)(found, target, recording.name)
-    document = {
-        "file": str(target),
+    path = None if presses is None else read_path(presses)
+    told: list[tuple[Path, dict[str, Any], list[str]]] = []
+
+    def read_one(recording: Path, step: OnStep) -> Recorded:
+        found = read_recorded(recording, path, topic, press_topic, with_presses=log is None, on_step=step)
+        join = None if log is None else joined(found, log, shift)
+        found = found if join is None else join.recorded
+        told.append((recording, *_told(found, join)))
+        return found
+
+    with progress(quiet=as_json or not sys.stderr.isatty()) as step:
+        if lerobot is not None:
+            sources = (
+                Source(recorded=read_one(recording, step), task=text, name=str(recording))
+                for recording, text in zip(recordings, tasks, strict=True)
+            )
+            made = write_episodes(sources, lerobot, fps=fps, take=cast("Take", take), is_appended=append)
+        else:
+            write_export(read_one(recordings[0], step), target, recordings[0].name, on_step=step)
+            made = None
+    if as_json:
+        documents = [document for _, document, _ in told]
+        found = documents[0] if len(told) == 1 else {"recordings": documents}
+        of_set = {} if made is None else {"lerobot": made.to_json()}
+        print_json({"file": str(target)} | found | of_set)
+        return
+    for recording, _, lines in told:
+        say("\n".join([f"{recording}: {lines[0]}" if len(told) > 1 else lines[0], *lines[1:]]))
+    if made is not None:
+        say(f"episodes  {made.sentence}")
+    say(f"files     {target}")
+
+
+def _tasks_of(recordings: list[Path], task: list[str] | None) -> list[str]:
+    """Task of each recording."""
+    texts = task or ["touch"]
+    if len(texts) not in (1, len(recordings)):
+        raise InputError(
+            f"--task: {len(texts)} for {len(recordings)} recordings; give one, or one a recording"
+        )
+    return texts * len(recordings) if len(texts) == 1 else texts
+
+
+def _require_one_result(
+    recordings: list[Path], target: Path, lerobot: Path | None, out: Path | None, *, append: bool
+) -> None:
+    """Refuse names of recordings and results that contradict each other."""
+    if lerobot is not None and out is not None:
+        raise InputError("--lerobot and --out: two results; give one")
+    if append and lerobot is None:
+        raise InputError("--append: adds episodes to a LeRobot data set; give --lerobot, too")
+    if len(recordings) > 1 and lerobot is None:
+        raise InputError(
+            f"{recordings[1]}: a second recording, and a file has one; export each, or give --lerobot"
+        )
+    names = [os.path.realpath(recording) for recording in recordings]
+    for number, name in enumerate(names):
+        if name in names[:number]:
+            raise InputError(f"{recordings[number]}: is given twice; give each recording once")
+    if os.path.realpath(target) in names:
+        raise InputError(f"--out {target}: is the recording itself; choose another name")
+
+
+def _told(found: Recorded, join: JoinedLog | None) -> tuple[dict[str, Any], list[str]]:
+    """What is said of a recording, as JSON and as lines."""
+    document: dict[str, Any] = {
         "frames": len(found.sequence),
         "lost": found.lost,
         "doubled": found.doubled,
         "connections": int(found.connection[-1]),
         "ended_cleanly": found.ended_cleanly,
         "stray_bytes": found.stray_bytes,
+        "left_out": found.left_out,
+        "missing_files": list(found.missing_files),
         "has_presses": found.press_mm is not None,
     }
-    if as_json:
-        print_json(document if join is None else document | {"stage": _join_json(join)})
-        return
-    torn = (
-        ""
-        if found.ended_cleanly
-        else (f"; the end is incomplete: {found.stray_bytes} bytes belong to no whole record")
-    )
-    say(
-        f"{len(found.sequence)} frames, {found.lost} lost{f', {found.doubled} doubled' if found.doubled else ''}{torn}"
-    )
+    lines = [f"{len(found.sequence)} frames, {found.losses}"]
     if join is not None:
-        say(_join_line(join))
+        document["stage"] = _join_json(join)
+        lines.append(_join_line(join))
     if found.press_mm is None:
-        say("presses   none; `optopad compare` needs them (--presses, --stage, or the recorder's press())")
-    say(f"files     {target}")
+        lines.append(
+            "presses   none; `optopad compare` needs them (--presses, --stage, or the recorder's press())"
+        )
+    return document, lines
 
 
 def _join_json(join: JoinedLog) -> dict[str, Any]:
@@ -708,5 +775,5 @@ def ros2(
         print_json({"packages": [str(package) for package in made]})
         return
     say(f"packages  {', '.join(str(package) for package in made)}")
-    say("next      colcon build --packages-select optopad_msgs optopad_ros")
+    say("next      python3 -m colcon build --packages-select optopad_msgs optopad_ros")
     say("          ros2 launch optopad_ros sensor.launch.py config:=driver.toml")

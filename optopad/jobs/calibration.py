@@ -5,31 +5,41 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from design.arrays import FloatArray
 from design.errors import InputError
-from design.io import save_design, write_text_atomically, written_together
+from design.file_sets import written_together
+from design.io import save_design, write_text_atomically
 from design.progress import OnStep
 from design.spec import SensorDesign
-from fabrication.driver.recording.clock_match import OUT_OF_STEP_S, found_offset, match_at, touches_of_log
 from fabrication.driver.recording.force_log import ForceLog, read_force_log
 from fabrication.driver.recording.joined_log import Offset
-from fabrication.driver.recording.position_log import PositionLog
+from fabrication.driver.recording.recorded import require_rising
+from optopad.jobs.force_clock import force_clock
 from optopad.work import as_netcdf
 from sims.learning.calibration import Calibration, CalibrationReport, calibrated, report_of
+from sims.learning.force_checks import require_motion
 from sims.learning.force_fit import ForceFit, fit_force
 from sims.learning.inference.model_file import save_model
 from sims.learning.inference.signal_map import SignalMapModel
 from sims.learning.map_learner import fit_signal_map, map_header, mapped
+from sims.learning.press_force import TipPath
 from sims.readings.data_writer import read_netcdf
 from sims.readings.dataset import read_data, require_design
 from sims.readings.press_data import PressData, data_notes
 
+if TYPE_CHECKING:
+    import xarray as xr
+
 MOST_BYTES = 2_000_000_000
 """Largest unpacked size of a recording whose presses are read [bytes]."""
+FRAMES = ("host_time", "press_x", "press_y", "press_depth")
+MOVES = ("move_time", "move_x", "move_y", "move_depth")
+MOVE_STEP_S = 0.05
+"""Longest time between two positions of a moving tip [s]."""
 MODEL_FILE = "build.optomodel"
 """File name of the model for the manufactured pad, in the folder of the calibrated design."""
 
@@ -88,6 +98,8 @@ def calibrate(
     on_step: OnStep,
     force: Path | None = None,
     offset: Offset = None,
+    topic: str | None = None,
+    press_topic: str | None = None,
 ) -> CalibratedBuild:
     """Fit a design to a recording of its manufactured pad, and make the model that reads this pad.
 
@@ -97,16 +109,18 @@ def calibrate(
     quick : whether to use a coarser map of presses for the model
     force : log of a load cell under the same presses, to which modulus and relaxation are fitted; None fits none
     offset : clock of the recording's computer minus the log's [s]; "auto" finds it; None: the clocks are the same
+    topic, press_topic : topics of frames and presses in a bag of several sensors
 
     Raises
     ------
     InputError : the data are of another design or have too few presses or untouched frames, nothing can be fitted, or
         the log of the force does not fit the recording.
     """
-    with as_netcdf(file) as netcdf:
+    with as_netcdf(file, topic, press_topic) as netcdf:
         data = read_data(netcdf, design)
-        pressed = None if force is None else _pressed_force(netcdf, read_force_log(force), offset)
-    notes = [*require_design(data, design, what=str(file)), *data_notes(data)]
+        log = None if force is None else read_force_log(force)
+        pressed = None if log is None else _pressed_force(netcdf, log, offset)
+    notes = [*require_design(data, design, what=str(file)), *data_notes(data), *(log.notes if log else ())]
     fit = None if pressed is None else fit_force(design, *pressed, lambda share: on_step("force", share))
     found = calibrated(design, data, seed=seed, on_step=on_step)
     report = report_of(found)
@@ -119,50 +133,49 @@ def calibrate(
     return CalibratedBuild(calibration=found, report=report, model=model, notes=tuple(notes), force=fit)
 
 
-def _pressed_force(netcdf: Path, log: ForceLog, offset: Offset) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Times, presses (n, 3) and forces at the log's times within the recording, by the recording's clock.
+def _pressed_force(netcdf: Path, log: ForceLog, offset: Offset) -> tuple[FloatArray, TipPath, FloatArray]:
+    """Times of the log within the recording, by the recording's clock, the tip's positions, and the forces.
 
     Raises
     ------
     InputError : the recording has no times or presses, has no time in common with the log, or they do not match.
     """
     dataset = read_netcdf(netcdf, needed="a recording with presses", most_bytes=MOST_BYTES)
-    names = ("host_time", "press_x", "press_y", "press_depth")
-    missing = [name for name in names if name not in dataset]
+    path = _moves(dataset) if MOVES[0] in dataset else _labelled(dataset, netcdf)
+    time_s = force_clock(path, log, offset).at(log.time_s)
+    inside = (time_s > path.time_s[0]) & (time_s < path.time_s[-1])
+    return time_s[inside], path, log.force_n[inside]
+
+
+def _labelled(dataset: xr.Dataset, netcdf: Path) -> TipPath:
+    """The tip's positions at the frames of a recording; raises InputError if they do not show its motion."""
+    missing = [name for name in FRAMES if name not in dataset]
     if missing:
         raise InputError(
             f"{netcdf}: has no {missing[0]}, needs a recording of `driver record` with its presses"
         )
-    host_s, *press = (np.asarray(dataset[name].values, dtype=np.float64) for name in names)
-    path = PositionLog(file=str(netcdf), time_s=host_s, press_mm=np.stack(press, axis=1))
-    shift = _clock_offset(path, log, offset)
-    time_s = log.time_s + shift
-    inside = (time_s > host_s[0]) & (time_s < host_s[-1])
-    at = np.stack([np.interp(time_s[inside], host_s, axis) for axis in path.press_mm.T], axis=1)
-    return time_s[inside], at, log.force_n[inside]
+    host_s, *press = (np.asarray(dataset[name].values, dtype=np.float64) for name in FRAMES)
+    require_rising(host_s)
+    path = TipPath(time_s=host_s, press_mm=np.stack(press, axis=1))
+    require_motion(path)
+    return path
 
 
-def _clock_offset(path: PositionLog, log: ForceLog, offset: Offset) -> float:
-    pressed, forces = touches_of_log(path), log.touches
-    if offset == "auto":
-        return found_offset(pressed, forces).offset_s
-    shift = float(offset or 0.0)
-    first, last = forces.span_s
-    begin, end = pressed.span_s
-    if last + shift < begin or first + shift > end:
-        raise InputError(
-            f"{log.file}: no time in common with the recording: the presses last from 0 to {end - begin:.1f} s, "
-            f"the log from {first + shift - begin:.1f} to {last + shift - begin:.1f} s; is it another run's log, or "
-            "another clock? Find the offset with --offset auto, or give it"
-        )
-    match = match_at(pressed, forces, shift)
-    if offset is None and match.edges and not (match.is_good and abs(match.offset_s) <= OUT_OF_STEP_S):
-        raise InputError(
-            f"{log.file}: is out of step with the recording: {match.share:.0%} of {match.edges} begins and ends of "
-            f"presses match, {match.offset_s:+.2f} s late; find the offset with --offset auto, or state it: --offset 0 "
-            "takes the log unchanged"
-        )
-    return shift
+def _moves(dataset: xr.Dataset) -> TipPath:
+    """The tip's path that `driver collect` writes: its knots, and positions between those of a move.
+
+    A press around which a part of the path is unknown has a gap there, so no force is fitted to it.
+    """
+    knots = np.stack([np.asarray(dataset[name].values, dtype=np.float64) for name in MOVES], axis=1)
+    moves = (np.diff(knots[:, 1:], axis=0) != 0.0).any(axis=1) & np.isfinite(knots[1:] + knots[:-1]).all(axis=1)
+    parts = np.where(moves, np.ceil(np.diff(knots[:, 0]) / MOVE_STEP_S), 1.0).astype(np.int64).clip(1)
+    ends = np.concatenate([[0], np.cumsum(parts)])
+    place = np.arange(ends[-1] + 1)
+    row = np.interp(place, ends, np.arange(len(knots)))
+    whole = np.stack([np.interp(row, np.arange(len(knots)), axis) for axis in knots.T], axis=1)
+    whole = whole[np.isfinite(whole).all(axis=1)]
+    rises = np.concatenate([[True], np.diff(whole[:, 0]) > 0.0])
+    return TipPath(time_s=whole[rises, 0], press_mm=whole[rises, 1:])
 
 
 def build_model(

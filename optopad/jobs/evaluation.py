@@ -27,7 +27,13 @@ FEWEST_SAMPLES = 10
 
 
 def evaluate(
-    file: Path, models: Sequence[Path], design: SensorDesign | None, *, on_step: OnStep
+    file: Path,
+    models: Sequence[Path],
+    design: SensorDesign | None,
+    *,
+    topic: str | None = None,
+    press_topic: str | None = None,
+    on_step: OnStep,
 ) -> tuple[PredictedAccuracy, Outline]:
     """Evaluate trained models on a data set with known presses.
 
@@ -35,6 +41,7 @@ def evaluate(
     ----------
     models : model files; each must be of the same design as the data
     design : design of the data, for workspace and published results; if None, the range of the presses is the workspace
+    topic, press_topic : topics of frames and presses in a bag of several sensors
 
     Returns
     -------
@@ -44,7 +51,7 @@ def evaluate(
     ------
     InputError : data or models cannot be read or are of different designs, or there are too few samples.
     """
-    with as_netcdf(file) as netcdf:
+    with as_netcdf(file, topic, press_topic) as netcdf:
         data = read_data(netcdf, design)
     notes = [*(require_design(data, design, what=str(file)) if design is not None else ())]
     loaded = [(str(path), load_model(path)) for path in models]

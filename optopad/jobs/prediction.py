@@ -18,7 +18,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from design.errors import InputError
-from design.io import write_text_atomically, written_together
+from design.file_sets import written_together
+from design.io import write_text_atomically
 from design.press_protocol import PressProtocol, load_protocol_file
 from design.progress import OnStep
 from design.rules.check import require_valid

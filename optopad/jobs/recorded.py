@@ -134,9 +134,16 @@ def compare_recording(
     pairs: Sequence[str],
     at: str | None,
     seed: int,
+    topic: str | None = None,
+    press_topic: str | None = None,
     on_step: OnStep,
 ) -> ComparedRecording:
     """Compare a recording with the simulated presses of its design.
+
+    Parameters
+    ----------
+    file : netCDF, table, recording of the driver, or ROS 2 bag (file or folder)
+    topic, press_topic : topics of frames and presses in a bag of several sensors
 
     Raises
     ------
@@ -147,12 +154,12 @@ def compare_recording(
     from sims.plots.style import plain_style
 
     require_valid(design)
-    with as_netcdf(file) as netcdf:
+    with as_netcdf(file, topic, press_topic) as netcdf:
         recording = read_recording(netcdf, design)
     on_step("light", 0.0)
     press = recorded_press(design, recording, pairs=tuple(pairs), at_mm=_parsed_place(at), seed=seed)
     on_step("light", 1.0)
-    name = hashlib.sha256(file.read_bytes()).hexdigest()[:8]
+    name = _content_digest(file, topic, press_topic)[:8]
     found = ComparedRecording(
         press=press,
         digest=design.digest,
@@ -168,6 +175,19 @@ def compare_recording(
         with plain_style():
             write_plot(plot_recorded(press), stem)
     return found
+
+
+def _content_digest(file: Path, *topics: str | None) -> str:
+    """SHA-256 of a recording's content, or of the files in its folder, and of the chosen topics."""
+    digest = hashlib.sha256()
+    for one in sorted(file.iterdir()) if file.is_dir() else [file]:
+        if one.is_file():
+            with one.open("rb") as stream:
+                while piece := stream.read(1 << 20):
+                    digest.update(piece)
+    for topic in topics:
+        digest.update((topic or "").encode())
+    return digest.hexdigest()
 
 
 def recorded_lines(found: ComparedRecording) -> list[str]:

@@ -120,16 +120,19 @@ def train_models(
     design: SensorDesign | None = None,
     effort: str = "default",
     seed: int = 0,
+    topic: str | None = None,
+    press_topic: str | None = None,
     on_step: OnStep = silent,
 ) -> Training:
     """Train one learner, or all, on the training sets of one or several files.
 
     Parameters
     ----------
-    files : data sets or recordings, .nc
+    files : data sets or recordings
     learner : name of a learner, ``all``, or ``signal-map``, which is not part of ``all``
     out : file of the model for one learner, or a folder; None for the folder of the first data file
     design : design of the data; its force curve is added to the models
+    topic, press_topic : topics of frames and presses in bags of several sensors
 
     Raises
     ------
@@ -142,7 +145,7 @@ def train_models(
     if settings is None:
         raise InputError(f"--effort: {effort!r} is refused: give {', '.join(EFFORTS)}")
     places = _files(tuple(learners), files, out)
-    data, notes = _training_data(files, design)
+    data, notes = _training_data(files, design, topic, press_topic)
     force = None if design is None else _load_curve(design)
     facts = prepared(data).facts()
     models = []
@@ -188,9 +191,12 @@ def _files(names: Sequence[str], files: Sequence[Path], out: Path | None) -> dic
     return found
 
 
-def _training_data(files: Sequence[Path], design: SensorDesign | None) -> tuple[PressData, tuple[str, ...]]:
+def _training_data(
+    files: Sequence[Path], design: SensorDesign | None, topic: str | None, press_topic: str | None
+) -> tuple[PressData, tuple[str, ...]]:
     with ExitStack() as opened:
-        data = joined([read_data(opened.enter_context(as_netcdf(file)), design) for file in files])
+        every = [opened.enter_context(as_netcdf(file, topic, press_topic)) for file in files]
+        data = joined([read_data(file, design) for file in every])
     notes = () if design is None else require_design(data, design)
     train = data.role("train")
     if not len(train):

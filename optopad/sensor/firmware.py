@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from design.errors import DeviceError, InputError
+from design.files import read_bytes
 from design.io import write_text_atomically
 from design.rules.check import require_valid
 from design.spec import SensorDesign
 from fabrication.bundle import bundle, bundle_name
-from fabrication.flash import Image, compiled_image
+from fabrication.flash import MOST_IMAGE_BYTES, Image, compiled_image
 from fabrication.sketch import IMAGE, SKETCH, write_sketch
 
 if TYPE_CHECKING:
@@ -91,13 +92,8 @@ def given_image(file: Path) -> Path:
     ------
     InputError : the file does not exist or is not an Intel HEX file.
     """
-    try:
-        first = file.read_text(encoding="ascii")[:1]
-    except OSError as err:
-        raise InputError(f"{file}: {err.strerror}; name a .hex file") from None
-    except UnicodeDecodeError:
-        first = ""
-    if first != ":":
+    content = read_bytes(file, needed="the .hex file of a program", most_bytes=MOST_IMAGE_BYTES)
+    if not (content.startswith(b":") and content.isascii()):
         raise InputError(f"{file}: no Intel HEX; name the .hex file that `optopad driver firmware` wrote")
     return file
 

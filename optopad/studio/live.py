@@ -175,7 +175,7 @@ CLOSE_S = 2.0
 
 @dataclass(frozen=True, kw_only=True)
 class LiveView:
-    """Snapshot of the sensor's state. After a disconnection, the last numbers remain.
+    """Snapshot of the sensor's state. While no frames arrive, the last readings remain, without rate and touch.
 
     Attributes
     ----------
@@ -184,13 +184,13 @@ class LiveView:
     frames, lost, damaged, reconnects : numbers of received, lost and damaged frames, and of reconnections, since
         `start`
     view_lost : number of frames that the driver received but this class missed, from gaps in the sequence numbers
-    rate_hz : frames per second by the board's clock; None before two frames
+    rate_hz : frames per second by the board's clock; None before two frames, and while no frames arrive
     signals : (emitter, receiver) lit minus dark readings [counts]; None before the first frame
     baseline : (emitter, receiver) signals of the untouched pad [counts]; None before they are measured
     normalised : (emitter, receiver) signals over the baseline [-]; NaN where the baseline is below 4 counts
     saturated : (emitter, receiver) whether the lit or the dark reading is at full scale
     expected : (emitter, receiver) simulated signals without contact [counts]; None if not known
-    touch : the model's touch estimate from the newest frame; None without a model
+    touch : the model's touch estimate from the newest frame; None without a model, and while no frames arrive
     problems : findings of the check of the wiring, errors first; also empty before the check
     """
 
@@ -324,9 +324,9 @@ class LiveSensor:
             self._board.tidy()
 
     def _say(self, status: str) -> None:
-        """Change only the status of the snapshot; its numbers remain."""
+        """Show a status while no frames arrive; the last readings remain, a touch and a rate do not."""
         shown = self._view or LiveView(status=status, expected=self._expected)
-        self._view = replace(shown, status=status, is_reading=False)
+        self._view = replace(shown, status=status, is_reading=False, rate_hz=None, touch=None)
 
     def _run(self) -> None:
         while not self._over.is_set():

@@ -11,7 +11,7 @@ that file may never open again.
 
 netCDF files are checked on reading. Sizes are checked before any data are loaded, and all damage becomes an
 `InputError` that names the file. This needs care, because the HDF5 library reads metadata only when they are needed.
-Damage may then cause errors of many types, or arrays as large as a damaged header says.
+Damage may then cause errors of many types; `design.hdf5_limits` keeps damaged sizes from taking memory.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import json
-import math
 import os
 import struct
 import zlib
 from collections.abc import Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
 from types import TracebackType
@@ -33,7 +33,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.errors import InputError
-from design.files import kind_of_file, made_folder, unwritable, whole_file
+from design.files import kind_of_file, made_folder, require_file, unwritable, whole_file
+from design.hdf5_limits import limited_hdf5
 from design.recordings import sets_json
 from sims.readings.press_data import PressData
 
@@ -54,7 +55,7 @@ FREE_BYTES = 500_000_000
 
 
 def read_netcdf(file: Path, *, needed: str, most_bytes: int, **options: Any) -> xr.Dataset:
-    """The content of a netCDF-4 or netCDF-3 file, in memory; texts are `str`.
+    """The content of a netCDF-4 or netCDF-3 file, in memory; texts are `str` without blanks at the end.
 
     Parameters
     ----------
@@ -68,9 +69,7 @@ def read_netcdf(file: Path, *, needed: str, most_bytes: int, **options: Any) -> 
     """
     import xarray as xr
 
-    if not file.is_file():
-        what = "a folder" if file.is_dir() else "no such file"
-        raise InputError(f"{file}: {what}; needs {needed}")
+    require_file(file, needed=needed)
     if (size := file.stat().st_size) > most_bytes:
         raise InputError(f"{file}: {size / 1e6:.0f} MB, reads at most {most_bytes / 1e6:.0f} MB; cut it")
     engine = ENGINES.get(kind := kind_of_file(file))
@@ -78,18 +77,43 @@ def read_netcdf(file: Path, *, needed: str, most_bytes: int, **options: Any) -> 
         raise InputError(f"{file}: {kind}; needs {needed}")
     try:
         most = min(MOST_BYTES, max(FREE_BYTES, MOST_RATIO * size))
-        if engine["engine"] == "h5netcdf" and (unpacked := _unpacked_bytes(file)) > most:
-            raise ValueError(f"unpacks to {unpacked:.3g} bytes, reads at most {most:.3g}")
-        with xr.open_dataset(file, **engine, **options) as dataset:
+        is_hdf5 = engine["engine"] == "h5netcdf"
+        with (
+            limited_hdf5(file, most_bytes=most) if is_hdf5 else nullcontext(file) as source,
+            xr.open_dataset(source, **engine, **options) as dataset,
+        ):
             if dataset.nbytes > most:
                 raise ValueError(f"holds {dataset.nbytes:.3g} bytes, reads at most {most:.3g}")
             found = dataset.load()
     except Exception as err:  # catch every type of error: see the module docstring
         said = str(err) or type(err).__name__
         raise InputError(f"{file}: {kind} that cannot be read: {said}; needs {needed}") from None
-    return found.assign(
-        {name: one.astype(str) for name, one in found.variables.items() if one.dtype.kind == "S"}
+    return found.assign({name: _text_of(one) for name, one in found.variables.items() if _is_text(one)})
+
+
+def _is_text(array: xr.Variable) -> bool:
+    return array.dtype.kind in "SU" or (
+        array.dtype.kind == "O" and all(isinstance(one, str | bytes) for one in array.values.ravel())
     )
+
+
+def _text_of(array: xr.Variable) -> xr.Variable:
+    """Texts as `str`, however a program stored them: as bytes, as arrays of characters, or filled up with blanks."""
+    import xarray as xr
+
+    values, axes = array.values, array.dims
+    if (
+        values.ndim > 1
+        and values.dtype.kind in "SU"
+        and values.dtype.itemsize == np.dtype(f"{values.dtype.kind}1").itemsize
+    ):
+        values, axes = (
+            np.ascontiguousarray(values).view(f"{values.dtype.kind}{values.shape[-1]}")[..., 0],
+            axes[:-1],
+        )
+    texts = [one.decode("utf-8", "replace") if isinstance(one, bytes) else str(one) for one in values.ravel()]
+    plain = np.array([text.rstrip(" \0") for text in texts], dtype=str).reshape(values.shape)
+    return xr.Variable(axes, plain, array.attrs)
 
 
 def require_numbers(found: xr.Dataset, file: Path, names: Sequence[str], axes: tuple[str, ...]) -> None:
@@ -105,25 +129,6 @@ def require_numbers(found: xr.Dataset, file: Path, names: Sequence[str], axes: t
             raise InputError(f"{file}: {name} has the dimensions {array.dims}, needs {axes}")
         if array.dtype.kind not in "fiu":
             raise InputError(f"{file}: {name} is of the type {array.dtype}, needs numbers")
-
-
-def _unpacked_bytes(file: Path) -> int:
-    """Unpacked size of all arrays in a netCDF-4 file, according to their headers [bytes].
-
-    Reading the headers also reveals damage early; h5netcdf would leave a damaged file half open.
-    """
-    import h5py
-
-    sizes: list[int] = []
-
-    def add(_name: str, found: Any) -> None:
-        if isinstance(found, h5py.Dataset):
-            sizes.append(math.prod(found.shape or ()) * found.dtype.itemsize)
-
-    with h5py.File(file, "r") as held:
-        held.attrs.get("_nc3_strict")
-        held.visititems(add)
-    return sum(sizes)
 
 
 RECORD = struct.Struct("<II")

@@ -27,15 +27,19 @@ from numpy.typing import NDArray
 
 from design.arrays import FloatArray, IntArray
 from design.errors import InputError
-from design.recordings import OFF, UNNAMED, SetEntry
+from design.recordings import LOSSES, OFF, UNNAMED, SetEntry
 from sims.press import SAME_PLACE_MM
 from sims.readings.data_writer import DataWriter, header_of, read_netcdf, require_numbers, save_data
 from sims.readings.label_checks import (
+    HALF_COUNT,
     LENGTHS_MM,
+    READING_SLACK,
     TIMES_S,
     counts_factor,
     in_unit,
     known_design,
+    require_no_fill_values,
+    require_possible_readings,
     require_true_labels,
 )
 from sims.readings.press_data import (
@@ -71,6 +75,8 @@ NEEDED_FILE = (
     "a data set in netCDF (.nc): `optopad driver export` makes one of a recording with its presses (--stage), "
     "`optopad simulate --protocol` one of a design"
 )
+MOST_NUMBER = 2**31 - 2
+"""Largest accepted number of a press; the next one marks a gap."""
 AXES = ("time", "state", "receiver")
 NEEDED = ("counts", "press_x", "press_y", "press_depth", "state", "receiver")
 TRUE_PRESS = ("true_x", "true_y", "true_depth")
@@ -140,10 +146,14 @@ def _require_parts(found: xr.Dataset, file: Path) -> None:
 
 def _data_of(found: xr.Dataset, file: Path, design: SensorDesign | None) -> PressData:
     states, counts = off_last(found)
-    counts = counts.astype(np.float32)
     digest = _digest(found, file)
     known = known_design(design, digest)
     counts_per_unit = counts_factor(found, known or design)
+    receivers = tuple(str(name) for name in found["receiver"].values)
+    full_scale = full_scale_of(found, file)
+    _require_possible(counts, states, receivers, full_scale or _design_scale(known), counts_per_unit)
+    require_no_fill_values({name: found[name].values for name in NEEDED[1:4]})
+    counts = counts.astype(np.float32)
     press_mm = in_unit(found, list(NEEDED[1:4]), LENGTHS_MM)
     has_truth = all(name in found.variables for name in TRUE_PRESS)
     attributes = _json(found, "attributes", {}, file)
@@ -151,6 +161,8 @@ def _data_of(found: xr.Dataset, file: Path, design: SensorDesign | None) -> Pres
     time_s = np.arange(len(counts)) if named is None else in_unit(found, [named], TIMES_S)[:, 0]
     if named is None:
         attributes = attributes | {"time_s": "unknown; numbers of the samples"}
+    if losses := losses_note(found):
+        attributes = attributes | {LOSSES: losses}
     if counts_per_unit != 1.0:
         counts = counts * np.float32(counts_per_unit)
         attributes = attributes | {CONVERTED: f"the readings were volts, multiplied by {counts_per_unit:g}"}
@@ -163,8 +175,8 @@ def _data_of(found: xr.Dataset, file: Path, design: SensorDesign | None) -> Pres
         place_number=place_number,
         sets=sets,
         state_names=states,
-        receiver_names=tuple(str(name) for name in found["receiver"].values),
-        full_scale_counts=_full_scale(found, file),
+        receiver_names=receivers,
+        full_scale_counts=full_scale,
         design_digest=digest,
         attributes=attributes,
         true_press_mm=in_unit(found, list(TRUE_PRESS), LENGTHS_MM) if has_truth else None,
@@ -173,7 +185,32 @@ def _data_of(found: xr.Dataset, file: Path, design: SensorDesign | None) -> Pres
     return data
 
 
-def _full_scale(found: xr.Dataset, file: Path) -> float | None:
+def _require_possible(
+    counts: NDArray[Any],
+    states: tuple[str, ...],
+    receivers: tuple[str, ...],
+    full_scale: float | None,
+    counts_per_unit: float,
+) -> None:
+    names = [f"{state}-{receiver}" for state in states for receiver in receivers]
+    limit = None if full_scale is None else full_scale / counts_per_unit
+    slack = HALF_COUNT if counts_per_unit == 1.0 else READING_SLACK * (limit or 0.0)
+    require_possible_readings(counts.reshape(len(counts), -1), names, limit, slack=slack)
+
+
+def _design_scale(design: SensorDesign | None) -> float | None:
+    from design.circuit.pins import adc_bits
+
+    return None if design is None else 2.0 ** adc_bits(design) - 1.0
+
+
+def full_scale_of(found: xr.Dataset, file: Path) -> float | None:
+    """Reading at which the converter clips [counts], by the attribute `full_scale_counts`; None without it.
+
+    Raises
+    ------
+    InputError : the attribute is not a number above 0.
+    """
     value = found.attrs.get("full_scale_counts")
     if value is None:
         return None
@@ -192,7 +229,13 @@ def _digest(found: xr.Dataset, file: Path) -> str | None:
         raise InputError(
             f"{file}: attribute design_digest is {value!r}, needs the 64 digits of a design's digest"
         )
-    return value
+    return None if value is None else value.strip()
+
+
+def losses_note(found: xr.Dataset) -> str | None:
+    """A sentence on what is missing of the recording from which a file was made; None if nothing is known to be."""
+    told = found.attrs.get(LOSSES)
+    return None if told is None else f"{found.attrs.get('source', 'the recording')}: {told}"
 
 
 def off_last(found: xr.Dataset) -> tuple[tuple[str, ...], NDArray[Any]]:
@@ -211,7 +254,19 @@ def _sets_of(
     if "sets" not in found.attrs or "set" not in found.variables or "place" not in found.variables:
         return (UNNAMED,), np.zeros(len(press_mm), dtype=np.int64), _presses(np.nan_to_num(press_mm))
     sets = tuple(_set_of(row, file) for row in _json(found, "sets", [], file))
-    return sets, found["set"].values.astype(np.int64), found["place"].values.astype(np.int64)
+    return sets, _numbers(found, "set"), _numbers(found, "place")
+
+
+def _numbers(found: xr.Dataset, name: str) -> IntArray:
+    """Numbers (sample,) of sets or presses; raises `InputError` if one is no whole number from 0."""
+    values = found[name].values
+    bad = np.flatnonzero(~((values >= 0) & (values <= MOST_NUMBER) & (np.floor(values) == values)))
+    if len(bad):
+        raise InputError(
+            f"{name}: {len(bad)} of {len(values)} values are no whole numbers from 0, the first is {values[bad[0]]:g} "
+            f"at time index {bad[0]}; drop frames that belong to no press"
+        )
+    return np.asarray(values, dtype=np.int64)
 
 
 def _set_of(row: Any, file: Path) -> SetEntry:

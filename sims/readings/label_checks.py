@@ -4,11 +4,14 @@ Without these checks, data with wrong labels would train a model without any err
 large as the pad. Examples of wrong labels are locations measured from the middle of the pad, or a depth that is
 positive upwards. The checks use the design if it is known, otherwise limits that hold for every design. They accept
 noise, drift, samples of a hovering tip, and data with few samples in contact.
+
+Readings that a converter cannot give are refused, too: those outside 0 to full scale and, where full scale is unknown,
+numbers by which programs mark a gap, such as -999 or netCDF's 9.97e36.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -45,6 +48,18 @@ LEAST_CHANGE = 0.1
 """
 TIMES_MORE = 4.0
 """Least ratio of the signals' change above the surface to that below it, for a suspect sign of the depth [-]."""
+FILL_VALUES = (-999.0, -9999.0, -99999.0, -(2.0**15) + 1, -(2.0**15), 2.0**15 - 1, 2.0**16 - 1, 2.0**23 - 1, -(2.0**23),
+               -(2.0**31) + 1, -(2.0**31), 2.0**31 - 1, 2.0**32 - 1, -1e20, 1e20, 1e30, -1e30, 1e36,
+               float(np.float32(9.969209968386869e36)), 9.969209968386869e36)  # fmt: skip
+"""Numbers by which programs mark a gap: among them the default values of netCDF and all bits of integer types."""
+LARGEST = 1e12
+"""Larger numbers count as marks of a gap, too."""
+SATURATED = (0.0, 2.0**32 - 1)
+"""Range of the values of a channel whose readings are all at full scale, which may be unknown [counts]."""
+FILL_SPANS = 0.5
+"""Such a number is a gap if it is outside the range of all other values by more than this multiple of it."""
+HALF_COUNT, READING_SLACK = 0.5, 0.005
+"""How far readings may be below 0 or above full scale: counts [counts], and volts as a share of full scale [-]."""
 NOISE_SIGMAS = 5.0
 MOST_SAMPLES = 20_000
 """Largest number of samples that the test of the depth's sign uses."""
@@ -146,6 +161,66 @@ def require_finite(named: Mapping[str, NDArray[Any] | None], *, where: str, row:
             f"{where}: {name} is not a number in {len(bad)} of {len(values)} {row}s, first in {row} {bad[0] + 1}; "
             f"drop these {row}s"
         )
+
+
+def require_possible_readings(
+    readings: NDArray[Any], names: Sequence[str], full_scale: float | None, *, slack: float
+) -> None:
+    """Check that readings are 0 to full scale. If that is unknown, check that none is a number that marks a gap.
+
+    Parameters
+    ----------
+    readings : (sample, channel) readings as a converter gives them; values that are not finite are not checked
+    names : names of the channels
+    full_scale : largest reading, in the unit of the readings; None if unknown
+    slack : accepted excess at both ends, in the same unit
+
+    Raises
+    ------
+    InputError : the message has the number of such readings, and value, time index and channel of the first.
+    """
+    if not readings.size:
+        return
+    if full_scale is None:
+        require_no_fill_values(dict(zip(names, readings.T, strict=True)))
+        return
+    low, high = -slack, full_scale + slack
+    if readings.min() >= low and readings.max() <= high:
+        return
+    bad = np.argwhere((readings < low) | (readings > high))
+    if len(bad):
+        sample, channel = bad[0]
+        raise InputError(
+            f"counts: {len(bad)} of {readings.size} readings are outside 0 to {full_scale:g}, the first is "
+            f"{readings[sample, channel]:g} in {names[channel]} at time index {sample}; do they mark gaps? Drop these "
+            "frames, and give readings as the converter made them, without any subtraction"
+        )
+
+
+def require_no_fill_values(named: Mapping[str, NDArray[Any]]) -> None:
+    """Check that no value is a number that marks a gap (`FILL_VALUES`) and is far outside the range of the others.
+
+    Parameters
+    ----------
+    named : values (sample,) by name
+
+    Raises
+    ------
+    InputError : the message has the number of such values, and value, time index and name of the first.
+    """
+    for name, values in named.items():
+        is_fill = np.isin(values, FILL_VALUES) | (np.abs(values, dtype=np.float64) > LARGEST)
+        if not is_fill.any():
+            continue
+        others = values[~is_fill & np.isfinite(values)]
+        low, high = (float(others.min()), float(others.max())) if len(others) else SATURATED
+        reach = FILL_SPANS * (high - low) if len(others) else 0.0
+        bad = np.flatnonzero(is_fill & ((values < low - reach) | (values > high + reach)))
+        if len(bad):
+            raise InputError(
+                f"{name}: {len(bad)} of {len(values)} values are {values[bad[0]]:g} or such, the first at time index "
+                f"{bad[0]}, the others {low:g} to {high:g}: they mark gaps; drop these frames"
+            )
 
 
 def require_true_labels(

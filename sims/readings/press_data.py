@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 
 from design.arrays import BoolArray, FloatArray, IntArray
 from design.errors import InputError, ModelScopeError
-from design.recordings import OFF, ROLES, SetEntry, signals_of
+from design.recordings import LOSSES, OFF, ROLES, SetEntry, signals_of
 from design.spec import SensorDesign
 from sims.optics.accuracy import Accuracy
 from sims.readings.label_checks import require_finite
@@ -100,7 +100,7 @@ class PressData:
 
     def features(self) -> NDArray[np.float32]:
         """Signals (sample, pair): readings minus those of the off state [counts]; pairs are as in `pair_names`."""
-        return self.signals().reshape(len(self), -1)
+        return self.signals().reshape(len(self), len(self.pair_names))
 
     def only(self, mask: BoolArray | IntArray) -> PressData:
         """The samples that a mask (sample,) or sample numbers (n,) select."""
@@ -167,13 +167,19 @@ def joined(parts: Sequence[PressData]) -> PressData:
         true_press_mm=np.concatenate([one for one in truths if one is not None])
         if all(one is not None for one in truths)
         else None,
+        attributes={**first.attributes, **_losses(parts)},
     )
 
 
+def _losses(parts: Sequence[PressData]) -> dict[str, str]:
+    told = [str(part.attributes[LOSSES]) for part in parts if LOSSES in part.attributes]
+    return {LOSSES: "; ".join(told)} if told else {}
+
+
 def data_notes(data: PressData) -> tuple[str, ...]:
-    """Sentences for the user about data: whether they are simulated, converted from another unit, or clipped."""
+    """Sentences for the user about data: whether they are simulated, incomplete, converted, or clipped."""
     simulated = "the data are simulated, not recorded" if data.true_press_mm is not None else None
-    notes = (simulated, data.attributes.get(CONVERTED), clipped_note(data))
+    notes = (simulated, data.attributes.get(LOSSES), data.attributes.get(CONVERTED), clipped_note(data))
     return tuple(str(note) for note in notes if note is not None)
 
 

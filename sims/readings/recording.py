@@ -11,8 +11,8 @@ netCDF (as written by the driver's recorder), dimensions ``time``, ``state``, ``
 Lengths in other units are converted; their attribute `units` names the unit.
 
 CSV: a heading line, then one line per reading. The columns are ``depth_mm``, optionally ``x_mm`` and ``y_mm`` (or with
-``_um`` or ``_m``), and one column per pair (``E1-R1``) or one column ``signal``. Before the heading there may be a line
-``# design_digest: <digest>``, with at least the first 8 of the 64 digits.
+``_um``, ``_cm`` or ``_m``, or as ``Depth (mm)``), and one column per pair (``E1-R1``) or one column ``signal``. Before
+the heading there may be a line ``# design_digest: <digest>``, with at least the first 8 of the 64 digits.
 
 The readings of an ``off`` state are subtracted. Drift and lag are not corrected.
 """
@@ -28,22 +28,34 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from design.arrays import FloatArray
-from design.csv_table import CsvTable, read_csv
+from design.csv_table import CsvTable, plain_name, read_csv
 from design.errors import InputError
 from design.files import TEXT_KINDS, kind_of_file
 from design.recordings import OFF, signals_of
 from sims.readings.data_writer import read_netcdf, require_numbers
-from sims.readings.dataset import AXES, off_last
-from sims.readings.label_checks import LENGTHS_MM, in_unit, known_design, require_finite, require_true_labels
+from sims.readings.dataset import AXES, full_scale_of, losses_note, off_last
+from sims.readings.label_checks import (
+    HALF_COUNT,
+    LENGTHS_MM,
+    READINGS,
+    in_unit,
+    known_design,
+    require_finite,
+    require_no_fill_values,
+    require_possible_readings,
+    require_true_labels,
+)
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from design.spec import SensorDesign
 
 SIGNAL = "signal"
 DIGEST = re.compile(r"[0-9a-f]{8,64}")
 PAIR_NAME = re.compile(r"^[A-Za-z0-9]+-[A-Za-z0-9]+$")
 MAX_BYTES = 500_000_000
-CSV_UNITS = ("mm", "um", "m")
+CSV_UNITS = ("mm", "um", "cm", "m")
 NEEDED_CSV = f"CSV with depth_mm (or depth_um, depth_m) and a column a pair (as E1-R1), or one named {SIGNAL}"
 NEEDED_FILE = f"a recording: netCDF (.nc), which `optopad driver export` makes, or {NEEDED_CSV}"
 
@@ -89,6 +101,7 @@ def read_recording(file: Path, design: SensorDesign | None = None) -> Recording:
     signals = np.stack(list(found.counts.values()), axis=1)
     known = known_design(design, found.design_digest)
     try:
+        require_no_fill_values({"depth": found.depth_mm, **found.counts, **places})
         require_true_labels(found.depth_mm, found.place_mm, signals, known, is_counts=False)
     except InputError as err:
         raise InputError(f"{file}: {err}") from None
@@ -109,11 +122,15 @@ def _read_netcdf(file: Path) -> Recording:
     require_numbers(dataset, file, ("counts",), AXES)
     lengths = ["press_depth", *(("press_x", "press_y") if has_place else ())]
     require_numbers(dataset, file, lengths, ("time",))
+    states, counts = off_last(dataset)
+    names = [f"{state}-{receiver}" for state in states for receiver in dataset["receiver"].values]
+    readings = counts.reshape(len(counts), -1)
+    require_finite(dict(zip(names, readings.T, strict=True)), where=str(file), row="reading")
     try:
         press_mm = in_unit(dataset, lengths, LENGTHS_MM)
+        require_possible_readings(readings, names, _full_scale(dataset, file), slack=HALF_COUNT)
     except InputError as err:
         raise InputError(f"{file}: {err}") from None
-    states, counts = off_last(dataset)
     has_off = states[-1:] == (OFF,)
     signals = signals_of(counts.astype(np.float64)) if has_off else counts.astype(np.float64)
     return Recording(
@@ -127,8 +144,17 @@ def _read_netcdf(file: Path) -> Recording:
             for j, receiver in enumerate(dataset["receiver"].values)
             if state != OFF
         },
-        notes=("readings of the off state were subtracted",) if has_off else (),
+        notes=(
+            *(("readings of the off state were subtracted",) if has_off else ()),
+            *filter(None, (losses_note(dataset),)),
+        ),
     )
+
+
+def _full_scale(dataset: xr.Dataset, file: Path) -> float | None:
+    """Largest reading; None if it is unknown, or if the readings are no counts."""
+    units = str(dataset["counts"].attrs.get("units") or "count").strip().lower()
+    return full_scale_of(dataset, file) if {units, units.rstrip("s")}.intersection(READINGS) else None
 
 
 def _read_csv(file: Path) -> Recording:
@@ -157,10 +183,10 @@ def _length_mm(table: CsvTable, axis: str) -> FloatArray | None:
     InputError : the axis occurs twice, or a line lacks its number.
     """
     named = {f"{axis}_{unit}": LENGTHS_MM[unit] for unit in CSV_UNITS}
-    has = [name for name in table.heading if name in named]
+    has = [name for name in table.heading if plain_name(name) in named and not PAIR_NAME.match(name)]
     if len(has) > 1:
         raise InputError(f"{table.file}: has {' and '.join(has)}; keep one")
-    return named[has[0]] * np.array(table.numbers(has[0])) if has else None
+    return named[plain_name(has[0])] * np.array(table.numbers(has[0])) if has else None
 
 
 def _checked_digest(file: Path, stated: object) -> str | None:

@@ -14,6 +14,7 @@ import pytest
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from design.errors import InputError, OutputError
+from design.file_sets import written_together
 from design.files import (
     folder_fault,
     name_fault,
@@ -23,7 +24,7 @@ from design.files import (
     whole_file,
     write_whole,
 )
-from design.io import save_design, write_text_atomically, written_together
+from design.io import save_design, write_text_atomically
 from design.preset import preset
 from design.press_protocol import PressProtocol, PressSet
 from design.search.space import SearchSpace
@@ -183,4 +184,4 @@ def test_no_other_module_names_hidden_files_and_folders() -> None:
         for path in (ROOT / room).rglob("*.py")
         if makers.search(path.read_text())
     }
-    assert found == {"design/files.py", "design/io.py", "optopad/studio/design_file.py"}
+    assert found == {"design/files.py", "design/file_sets.py", "optopad/studio/design_file.py"}

@@ -76,7 +76,7 @@ def test_the_plain_program_prints_rate_and_counts(folder: Path) -> None:
 
 
 def test_the_observations_of_a_robot_s_steps_have_every_pair(folder: Path) -> None:
-    assert run(program("optopad.Observations"), folder).splitlines()[-3:] == ["(64,)"] * 3
+    assert run(program("optopad.Observations"), folder).splitlines()[-3:] == ["(64,) (1,)"] * 3
 
 
 def test_the_program_that_reads_touches_prints_them(folder: Path) -> None:

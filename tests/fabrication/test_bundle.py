@@ -21,7 +21,8 @@ from design.io import load_design
 from design.preset import preset
 from design.spec import SensorDesign
 from fabrication import bundle as module
-from fabrication.bundle import MANIFEST, altered_files, bundle, bundle_name
+from fabrication.bundle import MANIFEST, altered_files, bundle, bundle_name, with_other_line_ends
+from optopad.cli import main
 
 PAD = preset("piacenza2017-pad")
 ROOT = Path(__file__).parents[2]
@@ -464,6 +465,29 @@ def test_changed_and_missing_files_are_named_and_new_ones_are_not(tmp_path: Path
     (folder / "design.toml").unlink()
     (folder / "notes.txt").write_text("mine")
     assert altered_files(folder) == ("design.toml", "sims/score.json")
+
+
+def test_files_of_other_line_ends_are_one_line_on_the_screen(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with bundle(PAD, tmp_path, seed=0) as made:
+        for name in ("report.html", "a.csv", "b.svg", "c.toml"):
+            (made / name).write_text("one\ntwo\n")
+        (made / "windows.csv").write_bytes(b"one\r\ntwo\r\n")
+    folder = tmp_path / bundle_name(PAD)
+    for file in folder.glob("*.*"):  # as git does with core.autocrlf
+        file.write_bytes(file.read_bytes().replace(b"\r\n", b"\n").replace(b"\n", b"\r\n"))
+    (folder / "windows.csv").write_bytes(b"one\ntwo\n")
+    (folder / "b.svg").write_bytes(b"one\r\nthree\r\n")
+    altered = altered_files(folder)
+    assert altered == ("a.csv", "b.svg", "c.toml", "design.toml", "report.html", "windows.csv")
+    assert with_other_line_ends(folder, altered) == tuple(name for name in altered if name != "b.svg")
+    assert main(["report", str(folder)]) == 0
+    warnings = [line for line in capsys.readouterr().out.splitlines() if line.startswith("warning")]
+    assert len(warnings) == 2
+    assert "5 files have other line ends" in warnings[0]
+    assert "* -text" in warnings[0]
+    assert "b.svg differs from the manifest" in warnings[1]
 
 
 def test_a_folder_without_manifest_is_no_bundle(tmp_path: Path) -> None:

@@ -12,6 +12,8 @@ from typing import Any
 
 import h5py
 import numpy as np
+from mcap.reader import make_reader
+from mcap.writer import Writer
 
 from fabrication.driver_file import CHECKSUM, content_sha256
 from sims.learning.inference.model_file import _checksum
@@ -29,6 +31,7 @@ def damage(file: Path, chance: Random) -> str:
         ".nc": (_netcdf,),
         ".toml": (_text,),
         ".optorec": (_recording,),
+        ".mcap": (_messages,),
     }
     faults = [_bytes, *by_content[file.suffix] * 2]
     if file.name == "driver.toml":
@@ -85,6 +88,30 @@ def _recording(file: Path, chance: Random) -> None:
     if chance.random() < 0.2:
         text = chance.choice(("[" * 100_000, "{}", "null", '{"format": 1' + "0" * 5_000 + "}", text[:-1]))
     file.write_bytes(text.encode("utf-8", "surrogatepass") + b"\n" + rest)
+
+
+def _messages(file: Path, chance: Random) -> None:
+    """Definitions, and the content, times and order of messages changed, under checksums that hold."""
+    with file.open("rb") as stream:
+        found = list(make_reader(stream).iter_messages(log_time_order=False))
+    share, of_text = chance.choice((0.0, 0.02, 0.5)), chance.choice((0.0, 0.0, 0.3))
+    with file.open("wb") as stream:
+        writer = Writer(stream, chunk_size=4096)
+        writer.start()
+        channels: dict[int, int] = {}
+        for schema, channel, message in chance.choice((found, found[::-1], found + found)):
+            if channel.id not in channels:
+                text = damaged_bytes(schema.data, chance) if chance.random() < of_text else schema.data
+                number = writer.register_schema(schema.name, schema.encoding, text)
+                channels[channel.id] = writer.register_channel(
+                    channel.topic, channel.message_encoding, number
+                )
+            time_ns, content = message.log_time, message.data
+            if chance.random() < share:
+                content = damaged_bytes(content, chance)
+                time_ns = chance.choice((time_ns, 0, 2**63 + 1, time_ns + 10**10))
+            writer.add_message(channels[channel.id], time_ns, content, time_ns)
+        writer.finish()
 
 
 def _change_some(document: Any, chance: Random) -> None:

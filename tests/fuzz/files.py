@@ -138,10 +138,10 @@ READERS: dict[str, tuple[Read, Verb]] = {
     "recording.nc": (_recorded, lambda file: ["compare", PAD, str(file), "--out", str(file.parent)]),
     "signals.nc": (_signals, None),
     "driver.toml": (_driver_file, lambda file: ["driver", "read", str(file), "--port", "none"]),
-    "raw.optorec": (
-        _raw,
-        lambda file: ["driver", "export", str(file), "--out", str(file.with_suffix(".nc"))],
-    ),
+    **{
+        name: (_raw, lambda file: ["driver", "export", str(file), "--out", str(file.with_suffix(".nc"))])
+        for name in ("raw.optorec", "bag.mcap")
+    },
     "spaces.toml": (_space, lambda file: ["explore", str(file), "--out", str(file.parent)]),
     "protocols.toml": (
         _protocol,

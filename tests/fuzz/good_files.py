@@ -39,11 +39,12 @@ def write_good_files(folder: Path) -> None:
         [2500 * k for k in range(SAMPLES)],
         counts,
     )
-    with Recorder(folder / "raw.optorec", pad_config()) as recorder:
-        for number, message in enumerate(frames):
-            recorder.frame(message, 1000.0 + number)
-            if number % 10 == 0:
-                recorder.press(16.0, 16.0, number / 10.0, 1000.5 + number)
+    for name in ("raw.optorec", "bag.mcap"):
+        with Recorder(folder / name, pad_config()) as recorder:
+            for number, message in enumerate(frames):
+                recorder.frame(message, 1000.0 + number)
+                if number % 10 == 0:
+                    recorder.press(16.0, 16.0, number / 10.0, 1000.5 + number)
     for kind, name in (("search.spaces", "pair-heights"), ("protocols", "piacenza2017-quick")):
         text = (files(f"design.{kind}") / f"{name}.toml").read_text(encoding="utf-8")
         (folder / f"{kind.rpartition('.')[2]}.toml").write_text(text, encoding="utf-8")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import time
 import tracemalloc
 import zipfile
 
@@ -21,6 +22,7 @@ from sims.learning.inference.model_file import load_model, save_model
 from sims.readings.dataset import read_data, save_data
 from sims.readings.recording import read_recording
 from sims.score.scoring import ScoreCost, score_cost
+from tests.design.search.cheap_search import cheap_space
 from tests.sims.learning.made_up_models import made_up_kernel_ridge
 from tests.sims.readings.test_dataset import made_up
 
@@ -116,6 +118,70 @@ def test_a_long_list_of_measured_values_is_refused(tmp_path):
     line = "measured = [" + '"cavity.length_mm", ' * 20_000 + "]"
     with pytest.raises(DesignError, match=r"measured: .*at most 1000"):
         load_design(design_with(tmp_path, line, ""))
+
+
+RING = '{ pattern = "alternating_ring", parts_per_side = 32 }'
+SINGLE = '{{ pattern = "single", kind = "{}", wall = "{}", along_mm = {}.4, height_mm = 3.{} }}'
+SINGLES = [
+    SINGLE.format(kind, wall, k, k)
+    for kind in ("emitter", "receiver")
+    for wall in ("north", "east")
+    for k in range(32)
+]
+HEAVY = {
+    "rows of parts": (f"layout = [{', '.join([RING] * 128)}]", {"layout"}),
+    "tolerances of parts": (
+        f"layout = [{', '.join(SINGLES)}]\n[tolerances]\n"
+        + "\n".join(f'"layout.{k}.height_mm" = 0.1' for k in range(64)),
+        {"layout.32"},
+    ),
+    "identifiers": (
+        f"layout = [{', '.join(SINGLES)}]\n[part_measurements]\n"
+        + "\n".join(f'"osram-{"sfh206-" * 7}{k}" = {{ a = 1.0 }}' for k in range(200)),
+        {f"part_measurements.osram-{'sfh206-' * 7}199"},
+    ),
+}
+"""Designs of up to 64 kB: what replaces the layout, and fields of findings among others."""
+
+
+@pytest.mark.parametrize("name", HEAVY)
+def test_a_heavy_design_is_checked_within_two_seconds(tmp_path, name):
+    text, fields = HEAVY[name]
+    file = tmp_path / "a.toml"
+    head, _, rest = preset_text(PAD).partition("[[layout]]")
+    rest = rest[rest.index("[indenter]") :]
+    layout, _, tables = text.partition("\n")
+    file.write_text(
+        head.replace("schema_version", f"{layout}\nschema_version", 1) + rest + "\n" + tables, "utf-8"
+    )
+    assert file.stat().st_size < 64_000
+    started = time.process_time()
+    found = check(load_design(file))
+    assert time.process_time() - started < 2.0
+    assert fields <= {one.field for one in found if one.severity == "error"}
+
+
+def test_a_line_of_blanks_is_explained_within_two_seconds(tmp_path):
+    (tmp_path / "a.toml").write_text("a" + " " * 60_000 + "= 1 2\n")
+    started = time.process_time()
+    with pytest.raises(DesignError, match="not valid TOML"):
+        load_design(tmp_path / "a.toml")
+    assert time.process_time() - started < 2.0
+
+
+def test_parts_in_one_corner_are_checked_without_a_warning():
+    rows = [
+        {"pattern": "per_side", "kind": "emitter", "north": 1, "shift_mm": -16.0},
+        {"pattern": "per_side", "kind": "receiver", "west": 1, "shift_mm": 16.0},
+    ]
+    found = check(preset(PAD).with_(layout=rows))
+    assert {"layout.0", "layout.1"} <= {one.field for one in found if one.severity == "error"}
+
+
+def test_a_range_of_billions_of_steps_is_refused(tmp_path):
+    field = {"path": "cavity.clear_thickness_mm", "low": 6.0, "high": 10.0, "step": 1e-9}
+    with pytest.raises(DesignError, match=r"cavity\.clear_thickness_mm: 4e\+09 steps of 1e-09 are refused"):
+        cheap_space("grid", fields=[field])
 
 
 def test_messages_are_short_and_printable_whatever_they_quote():
@@ -245,7 +311,7 @@ def test_simulated_signals_that_unpack_to_much_are_refused_before_they_do(tmp_pa
         held.create_dataset("flux", shape=(2**26, 1, 1), dtype="f8", chunks=(2**16, 1, 1), compression="gzip")
     tracemalloc.start()
     try:
-        with pytest.raises(InputError, match="unpacks to 2147 MB, reads at most 500 MB"):
+        with pytest.raises(InputError, match=r"unpacks to 2\.15e\+09 bytes, reads at most 5e\+08"):
             table_from_signals(tmp_path / "signals.nc", pad_config())
         assert tracemalloc.get_traced_memory()[1] < 50_000_000
     finally:

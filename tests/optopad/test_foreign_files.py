@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import errno
 import io
+import os
 import zipfile
 from collections.abc import Callable
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import h5py
 import numpy as np
@@ -137,9 +139,39 @@ def test_a_file_of_another_kind_is_named_with_what_is_needed(name: str, tmp_path
         if kind != read_by.get(name):
             assert kind in str(err.value), str(err.value)
             assert "needs " in str(err.value)
-    for absent in (tmp_path / "none", tmp_path):
-        with pytest.raises(OptopadError, match=r"no such|a folder"):
-            read(absent)
+    os.mkfifo(tmp_path / "pipe")  # opening it would wait forever
+    for wrong in (tmp_path / "none", tmp_path, tmp_path / "pipe", Path("/dev/zero"), file / "in a file"):
+        with pytest.raises(OptopadError, match=r"no such|a folder|a pipe or a device|Not a directory") as err:
+            read(wrong)
+        assert str(err.value).startswith(str(wrong))
+        assert "\n" not in str(err.value)
+
+
+@pytest.mark.parametrize("name", [*TABLES, *OTHERS])
+def test_a_file_without_the_right_to_read_it_is_refused_in_one_line(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read = OTHERS[name] if name in OTHERS else TABLES[name][0]
+    file = tmp_path / "given"
+    file.write_bytes(b"a")
+
+    def refused(path: Path, *_: object, **__: object) -> NoReturn:
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
+
+    monkeypatch.setattr(Path, "open", refused)
+    with pytest.raises(OptopadError, match=r"given: .*Permission denied") as err:
+        read(file)
+    assert "\n" not in str(err.value)
+
+
+def test_text_from_the_pipe_of_a_shell_is_read(tmp_path: Path) -> None:
+    reading, writing = os.pipe()
+    os.write(writing, b"a,b\n1,2\n")
+    os.close(writing)
+    try:
+        assert read_csv(Path(f"/dev/fd/{reading}"), needed="a table").heading == ("a", "b")
+    finally:
+        os.close(reading)
 
 
 def test_a_byte_order_mark_and_ends_of_lines_matter_in_no_text(tmp_path: Path) -> None:

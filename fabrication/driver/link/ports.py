@@ -14,13 +14,16 @@ import time
 from collections.abc import Iterable
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any
 
 import serial
 from serial.tools import list_ports
 
 from design.errors import DeviceError
 from fabrication.driver_file import BoardSetup
+
+if TYPE_CHECKING:
+    from typing_extensions import Self  # in typing from Python 3.11
 
 WAIT_S = 0.1
 """Longest wait for the first byte in one read, and so about the longest delay after a request to stop [s]."""
@@ -117,6 +120,13 @@ def port_of_serial(name: str, ports: Iterable[FoundPort] | None = None) -> str:
     if not matching:
         raise DeviceError(f"no device has the serial number of --port {name}; ports here: {_listed(here)}")
     return matching[0].name
+
+
+def serial_number_of(name: str) -> str:
+    """Serial number of the USB device at a port that the system lists; "" if it has none, or is not listed."""
+    return next(
+        (port.serial_number for port in ports_here() if plain_name(port.name) == plain_name(name)), ""
+    )
 
 
 def find_port(

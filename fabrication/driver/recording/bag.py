@@ -1,63 +1,113 @@
-"""Reads MCAP files and ROS 2 bags with messages of `optopad_msgs`; ROS is not needed.
+"""Reads bags of ROS 2 and MCAP files with messages of `optopad_msgs`; ROS is not needed.
 
-Any channels of these message types are read, as files or as the folder of a bag. A file that lost its end keeps every
-complete chunk.
+Any channels of these message types are read, from files or from the folder of a bag; others are skipped. Files are read
+in the order of `metadata.yaml` or, without it, of their names. Frames are then ordered by log time, if their sequence
+numbers agree with it; else, as after the clock was set back, in the order of the files. A file that lost its end or
+other parts keeps every complete chunk.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
-from functools import cache
+import os
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import IO, Any
 
 import numpy as np
 
-from design.arrays import FloatArray
+from design.arrays import BoolArray, FloatArray, IntArray
 from design.errors import InputError
+from design.files import read_text
 from fabrication.driver.link.protocol import frame_format
-from fabrication.driver.recording.mcap_file import FRAME, INSTALL, NS_PER_S, PRESS, SENSOR, TOPICS, seconds
-from fabrication.driver.recording.press_labels import PressLabels
-from fabrication.driver.recording.recorded import Recorded, press_labels
+from fabrication.driver.recording.bag_file import BagFile, Channel, McapFile, SqliteFile, message_content
+from fabrication.driver.recording.frame_order import ordered
+from fabrication.driver.recording.mcap_file import FRAME, INSTALL, NS_PER_S, PRESS, SENSOR
+from fabrication.driver.recording.messages import Frames, Presses, decoder_of
+from fabrication.driver.recording.press_labels import NEVER_NS, Moments, PressLabels, press_labels
+from fabrication.driver.recording.recorded import Recorded
 from fabrication.driver_file import DriverConfig, config_from_document
 
+METADATA = "metadata.yaml"
+MOST_METADATA_BYTES = 20_000_000
+SUFFIXES = (".mcap", ".mcap.zstd", ".db3", ".db3.zstd")
+"""Endings of a bag's files: MCAP or SQLite, the latter also compressed as a whole."""
+KINDS = frozenset((SENSOR, FRAME, PRESS))
+BATCH = 4096
+"""Number of messages that are decoded at a time."""
+FOREVER_NS = np.iinfo(np.int64).max
+CONVERT = "`ros2 bag convert`, with `storage_id: mcap` and no compression in its output options"
+_WORDS = re.compile(r"(?:^|(?<=[/_]))(?:frames?|press(?:es)?|sensors?)(?=$|[/_])")
 
-def read_mcap(file: Path, topic: str | None = None) -> Recorded:
-    """Read the frames and presses of an MCAP file, or of the MCAP files in a bag's folder.
+
+def is_bag(file: Path) -> bool:
+    """Whether a path is a file or folder of a bag, by its name or by the names in the folder."""
+    if not os.path.isdir(file):
+        return _is_bag_file(file.name)
+    try:
+        return any(_is_bag_file(name) or name == METADATA for name in os.listdir(file))
+    except OSError:
+        return False
+
+
+def read_mcap(
+    file: Path, topic: str | None = None, press_topic: str | None = None, *, with_presses: bool = True
+) -> Recorded:
+    """Read the frames and presses of a file of a bag, or of the files in a bag's folder.
 
     Parameters
     ----------
-    topic : topic of the frames; None if the file has frames of one sensor only
+    topic : topic of the frames; None if the bag has frames of one sensor only
+    press_topic : topic of the presses; None for the one that belongs to the frames by its name
+    with_presses : whether the presses in the bag are joined; if not, the recording has none
 
     Raises
     ------
-    InputError : no such file, a damaged one, or one without frames of optopad; or frames of several sensors.
+    InputError : no such file, a damaged one, or one without frames of optopad; frames of several sensors; topics that
+        do not clearly belong together; or frames or presses whose order is unknown.
     """
-    read = _Bag(file)
+    read = _Bag(file, topic)
     topic = read.topic_of_frames(topic)
-    frames, presses = read.messages(topic), read.messages(read.companion(topic, PRESS))
-    (_, sensor), *_ = read.messages(read.companion(topic, SENSOR)) or [(0, None)]
-    if sensor is None:
-        raise read.lacks(SENSOR)
-    config = _config(sensor.driver_config, f"{file}: the driver configuration of {topic}")
-    shape = (len(config.emitters) + 1, frame_format(config).receivers)
-    if any((message.states, message.receivers) != shape for _, message in frames):
-        raise InputError(
-            f"{file}: {topic} has frames of another sensor than its driver configuration; record again"
-        )
-    host_s = np.array([_time_s(message.arrived) for _, message in frames])
-    return Recorded(
+    config = read.config_of(topic)
+    frames, presses = read.frames[topic], read.presses_of(topic, press_topic) if with_presses else None
+    try:
+        order, connection = ordered(frames)
+        labels, known = _labels(presses, frames, order, read.gaps_ns())
+    except InputError as err:
+        raise InputError(f"{file}: {topic}: {err}") from None
+    kept = slice(None) if len(order) == len(frames) and (np.diff(order) == 1).all() else order
+    sequence = frames.column("sequence")[kept]
+    steps = np.diff(sequence)[np.diff(connection) == 0]
+    found = Recorded(
         config=config,
-        counts=np.array([message.counts for _, message in frames], dtype=np.uint16).reshape(-1, *shape),
-        connection=np.array([message.connection for _, message in frames], dtype=np.int64),
-        sequence=np.array([message.sequence for _, message in frames], dtype=np.int64),
-        device_s=np.array([message.device_us for _, message in frames], dtype=np.int64) / 1e6,
-        host_s=host_s,
-        labels=_labels(presses, host_s),
-        lost=sum(message.lost_before for _, message in frames),
+        counts=frames.counts[kept],
+        connection=connection,
+        sequence=sequence,
+        device_s=frames.column("device_us")[kept] / 1e6,
+        host_s=_seconds(frames.column("arrived_ns")[kept]),
+        labels=labels,
+        lost=int((steps - 1).sum()),
+        doubled=len(frames) - len(order),
         stray_bytes=read.stray_bytes,
         ended_cleanly=read.ended_cleanly,
+        missing_files=read.missing,
+    )
+    if known.all():
+        return found
+    if not known.any():
+        raise InputError(f"{file}: {topic}: the press of no frame is known: {found.losses}; record again")
+    return replace(found.only(known), left_out=int(np.count_nonzero(~known)))
+
+
+def _labels(
+    presses: Presses | None, frames: Frames, order: IntArray, gaps_ns: list[tuple[int, int]]
+) -> tuple[PressLabels | None, BoolArray]:
+    if presses is None or not len(presses):
+        return None, np.ones(len(order), dtype=np.bool_)
+    when = Moments(time_ns=frames.column("time_ns")[order], place=frames.column("place")[order])
+    return press_labels(
+        presses.press_mm, Moments(time_ns=presses.time_ns, place=presses.place), when, gaps_ns
     )
 
 
@@ -69,126 +119,264 @@ def _config(text: str, where: str) -> DriverConfig:
     return config_from_document(document, where=where)
 
 
-def _labels(presses: list[tuple[int, Any]], host_s: FloatArray) -> PressLabels | None:
-    if not presses:
-        return None
-    values = np.array([(one.x_mm, one.y_mm, one.depth_mm) for _, one in presses])
-    return press_labels(values, np.array([seconds(at) for at, _ in presses]), host_s)
+def _shape_of(config: DriverConfig) -> tuple[int, int]:
+    return frame_format(config).states, frame_format(config).receivers
 
 
-def _time_s(time: Any) -> float:
-    return seconds(time.sec * NS_PER_S + time.nanosec)
+def _seconds(time_ns: IntArray) -> FloatArray:
+    """Times [s] from nanoseconds, as `mcap_file.seconds` gives each of them."""
+    whole, rest = np.divmod(time_ns, NS_PER_S)
+    return np.asarray(whole + rest / NS_PER_S, dtype=np.float64)
+
+
+@dataclass(kw_only=True)
+class _Part:
+    """Log times of a file's first and last frame or press [ns], and of those around its missing parts."""
+
+    first_ns: int | None = None
+    last_ns: int | None = None
+    gaps_ns: list[list[int | None]] = field(default_factory=list)
+
+    def note(self, time_ns: int) -> None:
+        """Take the log time of the next frame or press."""
+        self.first_ns = time_ns if self.first_ns is None else min(self.first_ns, time_ns)
+        self.last_ns = time_ns if self.last_ns is None else max(self.last_ns, time_ns)
+        for gap in self.gaps_ns:
+            gap[1] = time_ns if gap[1] is None else gap[1]
 
 
 class _Bag:
-    """All messages of optopad in an MCAP file, or in the MCAP files of a folder.
+    """All messages of optopad in a file of a bag, or in the files of a folder.
 
     Attributes
     ----------
-    topics : by topic, the type of its messages, and its messages with their log times [ns]; other types have none
-    stray_bytes : number of bytes behind the last complete record
-    ended_cleanly : whether every file ends with its footer
+    kinds : by topic, the type of its messages, also of channels without messages
+    frames, presses, configs : by topic, the frames, the presses, and the different driver configurations
+    missing : names of files that `metadata.yaml` lists, but that are not in the folder
+    stray_bytes : number of bytes in damaged parts and behind the last complete record
+    ended_cleanly : whether the recorder ended every file normally, and no file is missing
     """
 
-    def __init__(self, file: Path) -> None:
+    def __init__(self, file: Path, topic: str | None) -> None:
         self.file = file
-        self.topics: dict[str, tuple[str, list[tuple[int, Any]]]] = {}
+        self.kinds: dict[str, str] = {}
+        self.frames: dict[str, Frames] = {}
+        self.presses: dict[str, Presses] = {}
+        self.configs: dict[str, dict[str, None]] = {}
         self.stray_bytes, self.ended_cleanly = 0, True
-        for one in _files(file):
-            self._read(one)
+        self._wanted = topic
+        self._parts: list[_Part] = []
+        self._place = 0
+        files = _files(file)
+        self.missing = tuple(one.name for one in files if not os.path.lexists(one))
+        self._fault = next(filter(None, [self._read(one) for one in files]), "")
+        if not self.kinds and self._fault:
+            raise InputError(f"{file}: is not an MCAP file, or damaged: {self._fault}")
 
     def topic_of_frames(self, topic: str | None) -> str:
         """The given topic, or the only one, with frames; raises InputError."""
-        found = [name for name in self._topics_of(FRAME) if topic in (None, name)]
+        found = [name for name, frames in self.frames.items() if topic in (None, name) and len(frames)]
         if len(found) > 1:
             raise InputError(
-                f"{self.file}: has frames of several sensors; give --topic, one of {', '.join(found)}"
+                f"{self.file}: has frames of several sensors; give --topic, one of {', '.join(sorted(found))}"
             )
         if not found:
-            raise self.lacks(FRAME, "" if topic is None else f" on {topic}")
+            raise self._lacks(FRAME, "" if topic is None else f" on {topic}")
         return found[0]
 
-    def companion(self, topic: str, kind: str) -> str | None:
-        """The topic of another type for a topic of frames: the one in the same namespace, or else the only one."""
-        found = self._topics_of(kind)
-        near = [name for name in found if name.rpartition("/")[0] == topic.rpartition("/")[0]]
-        return near[0] if near else found[0] if len(found) == 1 else None
+    def presses_of(self, topic: str, press_topic: str | None) -> Presses | None:
+        """The presses of a topic, or those that belong to a topic of frames by its name; None if there are none.
 
-    def messages(self, topic: str | None) -> list[tuple[int, Any]]:
-        """Messages of a topic with their log times [ns]; none without a topic."""
-        return [] if topic is None else self.topics[topic][1]
+        Topics belong together if their names are the same without the words frame, press and sensor. Else the only
+        topic of presses is taken, if no other sensor has it, and one of both names no sensor. Raises InputError.
+        """
+        found, pad = self._topics_of(PRESS), _pad_of(topic)
+        if press_topic is not None:
+            if press_topic not in found:
+                raise self._lacks(PRESS, f" on {press_topic}")
+            return self.presses.get(press_topic)
+        others = {_pad_of(name) for kind in (FRAME, SENSOR) for name in self._topics_of(kind)} - {pad}
+        own = [name for name in found if _pad_of(name) == pad]
+        free = own or [name for name in found if _pad_of(name) not in others]
+        if not free:
+            return None
+        if len(own) == 1 or (len(free) == 1 and not others and _may_belong(_pad_of(free[0]), pad)):
+            return self.presses.get(free[0])
+        raise InputError(
+            f"{self.file}: it is not clear which presses belong to {topic}; give --press-topic, one of "
+            f"{', '.join(sorted(found))}"
+        )
 
-    def lacks(self, kind: str, where: str = "") -> InputError:
-        """The error that the file has no messages of a type."""
-        has = ", ".join(f"{name} ({one})" for name, (one, _) in self.topics.items()) or "no messages"
+    def config_of(self, topic: str) -> DriverConfig:
+        """The driver configuration that belongs to a topic of frames; raises InputError.
+
+        Nodes in one namespace may share the topic of configurations; then numbers of states and receivers decide.
+        """
+        found, pad = self._topics_of(SENSOR), _pad_of(topic)
+        others = {_pad_of(name) for name in self._topics_of(FRAME)} - {pad}
+        own = [name for name in found if _pad_of(name) == pad] or [
+            name for name in found if _pad_of(name) not in others and _may_belong(_pad_of(name), pad)
+        ]
+        texts = sorted({text for name in own for text in self.configs.get(name, {})})
+        if not texts:
+            raise self._lacks(SENSOR, f" that belongs to {topic}")
+        configs = [_config(text, f"{self.file}: the driver configuration of {topic}") for text in texts]
+        shape = self.frames[topic].shape
+        fitting = {one.digest: one for one in configs if _shape_of(one) == shape}
+        if not fitting:
+            raise InputError(
+                f"{self.file}: {topic} has frames of another sensor than its driver configuration; record again"
+            )
+        if len(fitting) > 1:
+            raise InputError(
+                f"{self.file}: the frames of {topic} may be of several designs, "
+                f"{', '.join(sorted(digest[:8] for digest in fitting))}; record each sensor with a topic of its own, "
+                "and keep recordings of two designs in folders of their own"
+            )
+        return next(iter(fitting.values()))
+
+    def gaps_ns(self) -> list[tuple[int, int]]:
+        """Log times of the last message before and the first one behind each missing part of the bag [ns]."""
+        found = []
+        for number, part in enumerate(self._parts):
+            before = [one.last_ns for one in self._parts[:number] if one.last_ns is not None]
+            for begin_ns, end_ns in part.gaps_ns:
+                begin = begin_ns if begin_ns is not None else before[-1] if before else NEVER_NS
+                later = [
+                    one.first_ns for one in self._parts if one.first_ns is not None and one.first_ns > begin
+                ]
+                found.append((begin, end_ns if end_ns is not None else min(later, default=FOREVER_NS)))
+        return found
+
+    def _lacks(self, kind: str, where: str = "") -> InputError:
+        """The error that the bag has no messages of a type."""
+        has = ", ".join(f"{name} ({one})" for name, one in self.kinds.items()) or "no messages"
+        damage = f", and is damaged: {self._fault}" if self._fault else ""
         return InputError(
-            f"{self.file}: has no {kind}{where}; it has {has}. Record the topics of optopad_ros, or use "
+            f"{self.file}: has no {kind}{where}; it has {has}{damage}. Record the topics of optopad_ros, or use "
             "`optopad driver record --out x.mcap`"
         )
 
     def _topics_of(self, kind: str) -> list[str]:
-        return [name for name, (one, messages) in self.topics.items() if one == kind and messages]
+        return [name for name, one in self.kinds.items() if one == kind]
 
-    def _read(self, file: Path) -> None:
-        from mcap.records import Channel, Footer, Message, Schema
+    def _read(self, file: Path) -> str:
+        """Read a file; returns its damage in words, "" without any."""
+        part = _Part()
+        self._parts.append(part)
+        if not os.path.lexists(file):
+            part.gaps_ns.append([None, None])
+            self.ended_cleanly = False
+            return ""
+        read: BagFile = (SqliteFile if file.suffix.lower() == ".db3" else McapFile)(file, KINDS)
+        pending: dict[Channel, tuple[list[bytes], list[int], list[int]]] = {}
+        for message in read.messages():
+            if message is None:
+                part.gaps_ns.append([part.last_ns, None])
+            elif message[0].encoding == "cdr":
+                channel, time_ns, content = message
+                part.note(time_ns)
+                contents, times_ns, places = pending.setdefault(channel, ([], [], []))
+                contents.append(bytes(message_content(channel, content, file)))
+                times_ns.append(time_ns)
+                places.append(self._place)
+                self._place += 1
+                if self._place % BATCH == 0:
+                    self._decode(pending)
+        self._decode(pending)
+        for channel in read.channels:
+            kind = (
+                channel.kind if channel.encoding == "cdr" else f"{channel.kind} in {channel.encoding}".strip()
+            )
+            if self.kinds.get(channel.topic) not in KINDS:
+                self.kinds[channel.topic] = kind
+        if not read.is_whole:
+            part.gaps_ns.append([part.last_ns, None])
+        self.ended_cleanly &= read.is_whole
+        self.stray_bytes += read.lost_bytes
+        return read.fault
 
-        schemas: dict[int, Schema] = {}
-        channels: dict[int, Channel] = {}
-        is_whole, end = False, 0
-        with file.open("rb") as stream:
+    def _decode(self, pending: dict[Channel, tuple[list[bytes], list[int], list[int]]]) -> None:
+        for channel, (contents, times_ns, places) in pending.items():
             try:
-                for record in _records(stream):
-                    if isinstance(record, Schema):
-                        schemas[record.id] = record
-                    elif isinstance(record, Channel):
-                        channels[record.id] = record
-                        self.topics.setdefault(record.topic, (schemas[record.schema_id].name, []))
-                    elif isinstance(record, Message):
-                        self._add(channels[record.channel_id], schemas, record)
-                    is_whole, end = isinstance(record, Footer) or is_whole, stream.tell()
-            except InputError:
-                raise
-            except Exception as err:  # all, on purpose: of damaged bytes every decompressor raises its own
-                if not self.topics:
-                    raise InputError(f"{file}: is not an MCAP file, or damaged: {err}") from None
-        self.ended_cleanly &= is_whole
-        self.stray_bytes += 0 if is_whole else file.stat().st_size - end
-
-    def _add(self, channel: Any, schemas: dict[int, Any], record: Any) -> None:
-        schema = schemas[channel.schema_id]
-        if schema.name in TOPICS:
-            message = _decoder_for(schema.name, schema.encoding, schema.data)(record.data)
-            self.topics[channel.topic][1].append((record.log_time, message))
+                if channel.kind == SENSOR:
+                    decode, seen = decoder_of(channel), self.configs.setdefault(channel.topic, {})
+                    seen.update(dict.fromkeys(decode(one).driver_config for one in dict.fromkeys(contents)))
+                elif channel.kind == PRESS:
+                    self.presses.setdefault(channel.topic, Presses()).add(channel, contents, times_ns, places)
+                elif self._wanted in (None, channel.topic):
+                    frames = self.frames.setdefault(channel.topic, Frames(channel.topic))
+                    frames.add(channel, contents, times_ns, places)
+            except InputError as err:
+                raise InputError(f"{self.file}: {err}") from None
+        pending.clear()
 
 
-def _records(stream: IO[bytes]) -> Iterator[Any]:
-    from mcap.stream_reader import StreamReader
+def _pad_of(topic: str) -> str:
+    """The part of a topic's name that names the sensor: `/pads/left_frame` and `/pads/left/press` give `pads/left`."""
+    return "/".join(filter(None, re.split(r"[/_]+", _WORDS.sub("", topic))))
 
-    yield from StreamReader(stream, validate_crcs=True).records
+
+def _may_belong(one: str, other: str) -> bool:
+    """Whether two names can be of the same sensor: one of them names none, or is within the other."""
+    return any(
+        not a or a == "optopad" or f"{b}/".startswith(f"{a}/") for a, b in ((one, other), (other, one))
+    )
 
 
-@cache
-def _decoder_for(name: str, encoding: str, text: bytes) -> Callable[[bytes], Any]:
-    """Function that decodes messages of a type by the definition in the file."""
-    from mcap.records import Schema
-    from mcap_ros2.decoder import DecoderFactory
-
-    decode = DecoderFactory().decoder_for("cdr", Schema(id=1, data=text, encoding=encoding, name=name))
-    if decode is None:
-        raise InputError(f"messages {name} are not in ROS 2's encoding; record with the storage plugin mcap")
-    return decode
+def _is_bag_file(name: str) -> bool:
+    return name.lower().endswith(SUFFIXES)
 
 
 def _files(file: Path) -> list[Path]:
+    """The files of a bag in their order, also those that only `metadata.yaml` lists; raises InputError."""
     try:
         import mcap_ros2.decoder  # noqa: F401
     except ImportError:
         raise InputError(f"{file}: MCAP needs the package mcap-ros2-support; {INSTALL}") from None
-    found = sorted(file.glob("*.mcap")) if file.is_dir() else [file]
-    if not found:
+    found = list(_files_of_folder(file)) if os.path.isdir(file) else [file]
+    packed = [one for one in found if one.name.lower().endswith(".db3.zstd")]
+    if packed:
         raise InputError(
-            f"{file}: has no MCAP file; record with `ros2 bag record -s mcap`, or use `ros2 bag convert`"
+            f"{packed[0]}: a bag in SQLite that is compressed as a whole is not read; unpack it with `zstd -d`, or "
+            f"convert the bag with {CONVERT}"
         )
-    if not found[0].is_file():
-        raise InputError(f"{file}: no such file")
+    if not any(os.path.lexists(one) for one in found):
+        raise InputError(
+            f"{file}: no such file"
+            if found == [file]
+            else f"{file}: has no MCAP file; record with `ros2 bag record -s mcap`, or use `ros2 bag convert`"
+        )
     return found
+
+
+def _files_of_folder(folder: Path) -> Iterator[Path]:
+    try:
+        names = sorted((name for name in os.listdir(folder) if _is_bag_file(name)), key=_natural)
+    except OSError as err:
+        raise InputError(f"{folder}: cannot be read: {err.strerror or err}; name the right folder") from None
+    listed = _listed(folder / METADATA, names)
+    yield from (folder / name for name in (listed if set(names) <= set(listed) else names))
+
+
+def _listed(metadata: Path, names: list[str]) -> list[str]:
+    """Names of the files that `metadata.yaml` lists, in its order; none if there is no such file, or it is damaged."""
+    try:
+        text = read_text(metadata, needed="the metadata of a bag", most_bytes=MOST_METADATA_BYTES)
+    except InputError:
+        return []
+    _, _, rest = text.partition("relative_file_paths:")
+    found = []
+    for line in rest.splitlines()[1:]:
+        entry = re.fullmatch(r"\s*-\s+(['\"]?)(?P<name>.+?)\1\s*", line)
+        if entry is None:
+            break
+        name = entry["name"].replace("\\", "/").rpartition("/")[2]
+        packed = f"{name}.zstd"
+        found.append(packed if name not in names and packed in names else name)
+    return list(dict.fromkeys(name for name in found if _is_bag_file(name)))
+
+
+def _natural(name: str) -> list[tuple[int, str]]:
+    """Key by which `bag_10` comes after `bag_9`."""
+    return [(int(part), "") if part.isdigit() else (0, part) for part in re.split(r"(\d{1,18})", name)]

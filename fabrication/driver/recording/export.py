@@ -5,83 +5,100 @@ netCDF needs xarray."""
 from __future__ import annotations
 
 import csv
+import os
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from design.arrays import FloatArray, IntArray
+from design.arrays import BoolArray, FloatArray, IntArray
 from design.errors import InputError, OutputError
 from design.files import require_suffix, whole_file
-from design.recordings import sets_json
+from design.progress import OnStep, silent
+from design.recordings import LOSSES, sets_json, signals_of
 from fabrication.driver.descriptor import UNITS, descriptor_of
 from fabrication.driver.link.counters import Repeats, WrappingCounter, restarts
-from fabrication.driver.link.protocol import Unpacked, frame_format, unpack_frames
-from fabrication.driver.recording.bag import read_mcap
-from fabrication.driver.recording.mcap_file import MCAP_SUFFIX
-from fabrication.driver.recording.press_labels import PressLabels
-from fabrication.driver.recording.raw import PRESS_BYTES, Record, RecordKind, press_of, read_records
-from fabrication.driver.recording.recorded import Recorded, labels_at, press_labels
+from fabrication.driver.link.protocol import STAMP, Unpacked, frame_format, unpack_frames
+from fabrication.driver.recording.bag import is_bag, read_mcap
+from fabrication.driver.recording.mcap_file import FRAMES_A_PIECE, MCAP_SUFFIX, STEP, write_mcap
+from fabrication.driver.recording.press_labels import NEVER_NS, Moments, PressLabels, press_labels
+from fabrication.driver.recording.raw import RawRecording, RecordKind, packed_size, read_raw
+from fabrication.driver.recording.recorded import Recorded
 from fabrication.driver.simulated.finger import FingerPath
 
 if TYPE_CHECKING:
     import xarray as xr
 
 US_PER_S = 1e6
+LOST_BYTES = 4
+"""Number of bytes that damage may have removed or added where the rest are those of lost frames."""
 
-CLOCK_SLACK_S = 1.0
-"""Largest backward step in the times of successive records that is tolerated [s]; a larger step means that the clock
-was set back."""
-
-COMPRESSION = {"zlib": True, "complevel": 4}
+COMPRESSION = {"compression": "gzip", "compression_opts": 4, "shuffle": True}
 
 
-def read_recorded(file: Path, path: FingerPath | None = None, topic: str | None = None) -> Recorded:
-    """Read all complete frames of a recording: ``.optorec``, ``.mcap``, or a ROS 2 bag's folder.
+def read_recorded(
+    file: Path,
+    path: FingerPath | None = None,
+    topic: str | None = None,
+    press_topic: str | None = None,
+    *,
+    with_presses: bool = True,
+    on_step: OnStep = silent,
+) -> Recorded:
+    """Read all complete frames of a recording: ``.optorec``, ``.mcap``, or a ROS 2 bag's file or folder.
 
     Parameters
     ----------
     path : presses over time by the board's clock; if None, the presses in the recording are used
-    topic : topic of the frames in an MCAP file with several sensors
+    topic, press_topic : topics of frames and presses in a bag of several sensors
+    with_presses : whether presses in the recording are used, if `path` is None
 
     Raises
     ------
     InputError : the file is not a recording, or contains no complete frame.
     """
-    if file.is_dir() or file.suffix.lower() == MCAP_SUFFIX:
-        found = read_mcap(file, topic)
+    if os.path.isdir(file) or is_bag(file):
+        found = read_mcap(file, topic, press_topic, with_presses=with_presses and path is None)
         return found if path is None else replace(found, labels=PressLabels(press_mm=path.at(found.device_s)))
-    if topic is not None:
-        raise InputError(f"--topic {topic}: {file} is not an MCAP file; leave --topic out")
-    _, config, every, stray = read_records(file)
-    layout = frame_format(config)
-    records = [record for record in every if _fits(record, layout.total_bytes)]
-    stray += sum(record.size for record in every) - sum(record.size for record in records)
-    whole = len(records)
-    records = _without_repeats(records)
-    frames = [record for record in records if record.kind == RecordKind.FRAME]
-    if not frames:
+    for option, value in (("--topic", topic), ("--press-topic", press_topic)):
+        if value is not None:
+            raise InputError(f"{option} {value}: {file} is not a bag or MCAP file; leave {option} out")
+    raw = read_raw(file, on_step)
+    if not raw.frames:
         raise InputError(f"{file}: holds no whole frame")
-    unpacked = unpack_frames(layout, [record.content for record in frames])
-    connection = _connections(records, unpacked)
+    is_kept = _without_repeats(raw)
+    kinds, record_s = raw.kinds[is_kept], raw.host_s[is_kept]
+    unpacked = _unpacked(raw, is_kept[raw.kinds == RecordKind.FRAME])
+    connection = _connections(kinds, unpacked)
     sequence, device_us, lost = _unwrapped(unpacked, connection)
-    host_s = np.array([record.host_s for record in frames])
     device_s = device_us / US_PER_S
-    return Recorded(
-        config=config,
+    has_presses = with_presses and path is None and len(raw.presses_mm) > 0
+    labels, known = (
+        _presses(raw, is_kept, sequence, connection)
+        if has_presses
+        else (None, np.ones(len(connection), np.bool_))
+    )
+    found = Recorded(
+        config=raw.config,
         counts=unpacked.counts,
         connection=connection,
         sequence=sequence,
         device_s=device_s,
-        host_s=host_s,
-        labels=_presses(records, host_s) if path is None else PressLabels(press_mm=path.at(device_s)),
+        host_s=record_s[kinds == RecordKind.FRAME],
+        labels=labels,
         lost=lost,
-        doubled=whole - len(records),
-        stray_bytes=stray,
-        ended_cleanly=any(record.kind == RecordKind.END for record in records),
+        doubled=len(raw.kinds) - len(kinds),
+        stray_bytes=raw.stray_bytes,
+        ended_cleanly=bool((kinds == RecordKind.END).any()),
     )
+    if path is not None:
+        return replace(found, labels=PressLabels(press_mm=path.at(device_s)))
+    if known.all():
+        return found
+    return replace(found.only(known), left_out=int(np.count_nonzero(~known)))
 
 
 def dataset_of(recorded: Recorded, name: str) -> xr.Dataset:
@@ -114,6 +131,7 @@ def dataset_of(recorded: Recorded, name: str) -> xr.Dataset:
             "design_digest": said.digest,
             "full_scale_counts": float(said.full_scale),
             "lost_frames": recorded.lost,
+            **({} if recorded.is_whole else {LOSSES: recorded.losses}),
         },
     )
     if recorded.labels is not None:
@@ -133,12 +151,33 @@ def _label(dataset: xr.Dataset, labels: PressLabels) -> None:
         dataset.attrs["sets"] = sets_json(labels.sets)
 
 
-def write_netcdf(recorded: Recorded, out: Path, name: str) -> None:
+def _add_moves(dataset: xr.Dataset, moves: FloatArray) -> None:
+    known = {"units": "mm", "long_name": "path of the tip, linear between these times; NaN: unknown"}
+    dataset["move_time"] = ("move", moves[:, 0], {"units": "s", "long_name": "since 1970"})
+    for k, axis in enumerate(("move_x", "move_y", "move_depth"), start=1):
+        dataset[axis] = ("move", moves[:, k], known)
+
+
+def write_export(recorded: Recorded, out: Path, name: str, *, on_step: OnStep = silent) -> None:
+    """Write frames in the format that the file's suffix names: netCDF, .csv or .mcap; see `write_netcdf`."""
+    if out.suffix.lower() == MCAP_SUFFIX:
+        write_mcap(recorded, out, on_step=on_step)
+    elif out.suffix.lower() == ".csv":
+        write_csv(recorded, out, name, on_step=on_step)
+    else:
+        write_netcdf(recorded, out, name, on_step=on_step)
+
+
+def write_netcdf(
+    recorded: Recorded, out: Path, name: str, moves: FloatArray | None = None, *, on_step: OnStep = silent
+) -> None:
     """Write frames as netCDF; the file is written completely or not at all.
 
     Parameters
     ----------
     name : origin of the frames, for the attribute `source`
+    moves : knots (n, 4) of the tip's path: times since 1970 [s] and x, y, depth [mm], NaN where unknown; None if
+        the path is not known
 
     Raises
     ------
@@ -147,45 +186,68 @@ def write_netcdf(recorded: Recorded, out: Path, name: str) -> None:
     require_suffix(out, (".nc",))
     try:
         dataset = dataset_of(recorded, name)
-        encoding: dict[Any, Any] = {"counts": COMPRESSION}
+        if moves is not None:
+            _add_moves(dataset, moves)
         with whole_file(out) as hidden:
-            dataset.to_netcdf(hidden, engine="h5netcdf", encoding=encoding)
+            dataset.drop_vars("counts").to_netcdf(hidden, engine="h5netcdf")
+            _append_counts(hidden, dataset["counts"], on_step)
     except ImportError as err:
         raise OutputError(
             f"{out}: netCDF needs xarray and h5netcdf: {err}; pip install xarray h5netcdf"
         ) from None
 
 
-def write_csv(recorded: Recorded, out: Path, name: str) -> None:
+def _append_counts(file: Path, counts: xr.DataArray, on_step: OnStep) -> None:
+    """Append the readings to a netCDF file part by part, because Python cannot interrupt the writing of a part."""
+    import h5netcdf
+
+    count, chunk = len(counts), (min(len(counts), FRAMES_A_PIECE), 1, 1)
+    with h5netcdf.File(file, "a") as netcdf:
+        made = netcdf.create_variable("counts", counts.dims, counts.dtype, chunks=chunk, **COMPRESSION)
+        made.attrs["units"] = counts.attrs["units"]
+        for begin in range(0, count, FRAMES_A_PIECE):
+            end = min(begin + FRAMES_A_PIECE, count)
+            made[begin:end] = counts.values[begin:end]
+            on_step(STEP, end / count)
+
+
+def write_csv(recorded: Recorded, out: Path, name: str, *, on_step: OnStep = silent) -> None:
     """Write frames as a table for `optopad compare`, with one table row per frame and one column per pair.
 
     Signals are readings minus those in the dark state [counts]. Positions are included if the recording has them [mm].
     For parameters and errors see `write_netcdf`.
     """
     require_suffix(out, (".csv",))
-    said, labels = descriptor_of(recorded.config), recorded.labels
-    columns: dict[str, Iterable[Any]] = {
-        "time_s": (f"{time_s:.6f}" for time_s in recorded.host_s - recorded.host_s[0]),
-        "connection": recorded.connection,
-        "sequence": recorded.sequence,
-    }
-    if labels is not None:
-        for axis, values in zip(("x_mm", "y_mm", "depth_mm"), labels.press_mm.T, strict=True):
-            columns[axis] = (f"{value:.4f}" for value in values)
-        if labels.set_number is not None and labels.sets:
-            columns["set"] = (labels.sets[number].name for number in labels.set_number)
-        if labels.place_number is not None:
-            columns["place"] = labels.place_number
-    signals = recorded.signals.astype(np.int64)
-    for i, emitter in enumerate(said.emitters.names):
-        for j, receiver in enumerate(said.receivers.names):
-            columns[f"{emitter}-{receiver}"] = signals[:, i, j]
+    said, count = descriptor_of(recorded.config), len(recorded.sequence)
     with whole_file(out) as hidden, hidden.open("w", encoding="utf-8", newline="") as stream:
         stream.write(f"# optopad recording {name!r} of {said.design}; ADC counts, less the dark state's\n")
         stream.write(f"# design_digest: {said.digest}\n")
         table = csv.writer(stream, lineterminator="\n")
-        table.writerow(columns)
-        table.writerows(zip(*columns.values(), strict=True))
+        table.writerow(_columns(recorded, slice(0, 0)))
+        for begin in range(0, count, FRAMES_A_PIECE):
+            part = slice(begin, begin + FRAMES_A_PIECE)
+            table.writerows(zip(*_columns(recorded, part).values(), strict=True))
+            on_step(STEP, min(begin + FRAMES_A_PIECE, count) / count)
+
+
+def _columns(recorded: Recorded, part: slice) -> dict[str, Iterable[Any]]:
+    """Columns of the table for a part of the frames, by name."""
+    said, labels = descriptor_of(recorded.config), recorded.labels
+    columns: dict[str, Iterable[Any]] = {
+        "time_s": (f"{time_s:.6f}" for time_s in (recorded.host_s[part] - recorded.host_s[0]).tolist()),
+        "connection": recorded.connection[part].tolist(),
+        "sequence": recorded.sequence[part].tolist(),
+    }
+    if labels is not None:
+        for axis, values in zip(("x_mm", "y_mm", "depth_mm"), labels.press_mm[part].T.tolist(), strict=True):
+            columns[axis] = (f"{value:.4f}" for value in values)
+        if labels.set_number is not None and labels.sets:
+            columns["set"] = (labels.sets[number].name for number in labels.set_number[part])
+        if labels.place_number is not None:
+            columns["place"] = labels.place_number[part].tolist()
+    signals = signals_of(recorded.counts[part].astype(np.int64))
+    pairs = [f"{emitter}-{receiver}" for emitter in said.emitters.names for receiver in said.receivers.names]
+    return columns | dict(zip(pairs, signals.reshape(len(signals), len(pairs)).T.tolist(), strict=True))
 
 
 def can_export() -> bool:
@@ -195,29 +257,48 @@ def can_export() -> bool:
     return all(find_spec(name) is not None for name in ("xarray", "h5netcdf"))
 
 
-def _without_repeats(records: list[Record]) -> list[Record]:
-    kept, repeats = [], Repeats()
-    for record in records:
-        if record.kind == RecordKind.HELLO:
+def _without_repeats(raw: RawRecording) -> BoolArray:
+    """Whether each record is no frame that repeats one of the last 256 of its connection, shape (r,)."""
+    is_kept = np.ones(len(raw.kinds), dtype=bool)
+    stamps = np.concatenate([frames[:, STAMP] for frames in raw.frames]).view(np.uint64)
+    if len(np.unique(stamps)) == len(stamps):
+        return is_kept
+    messages, repeats = (message.tobytes() for frames in raw.frames for message in frames), Repeats()
+    for k, kind in enumerate(raw.kinds.tolist()):
+        if kind == RecordKind.HELLO:
             repeats = Repeats()
-        if record.kind != RecordKind.FRAME or not repeats.has(record.content):
-            kept.append(record)
-    return kept
+        elif kind == RecordKind.FRAME:
+            is_kept[k] = not repeats.has(next(messages))
+    return is_kept
 
 
-def _connections(records: list[Record], found: Unpacked) -> IntArray:
+def _unpacked(raw: RawRecording, is_kept: BoolArray) -> Unpacked:
+    """The kept frames of a recording, unpacked piece by piece; each piece's bytes are given up."""
+    layout, count = frame_format(raw.config), int(is_kept.sum())
+    sequence, device_us = np.empty(count, np.uint32), np.empty(count, np.uint32)
+    counts = np.empty((count, layout.emitters + 1, layout.receivers), np.uint16)
+    read = end = 0
+    raw.frames.reverse()
+    while raw.frames:
+        frames = raw.frames.pop()
+        part = unpack_frames(layout, [frames[is_kept[read : read + len(frames)]].tobytes()])
+        begin, end, read = end, end + len(part.sequence), read + len(frames)
+        sequence[begin:end], device_us[begin:end] = part.sequence, part.device_us
+        counts[begin:end] = part.counts
+    return Unpacked(sequence=sequence, device_us=device_us, counts=counts)
+
+
+def _connections(kinds: NDArray[np.uint8], found: Unpacked) -> IntArray:
     """Connection number of each frame, from 1, shape (n,).
 
     The number increases after every hello (identification of the board), and if a sequence number does not increase.
+
+    Parameters
+    ----------
+    kinds : types of all records, as in `RecordKind`, shape (r,)
     """
-    begins, number = np.zeros(len(found.sequence), dtype=bool), 0
-    is_new = False
-    for record in records:
-        if record.kind == RecordKind.HELLO:
-            is_new = True
-        elif record.kind == RecordKind.FRAME:
-            begins[number] = is_new
-            number, is_new = number + 1, False
+    hellos = np.cumsum(kinds == RecordKind.HELLO)[kinds == RecordKind.FRAME]
+    begins = np.diff(hellos, prepend=hellos[0]) > 0
     begins[restarts(found.sequence, int(found.sequence[0]) - 1)] = True
     begins[0] = False
     numbers: IntArray = 1 + np.cumsum(begins)
@@ -235,19 +316,19 @@ def _unwrapped(found: Unpacked, connection: IntArray) -> tuple[IntArray, IntArra
     return sequence, device_us, lost
 
 
-def _fits(record: Record, frame_bytes: int) -> bool:
-    lengths = {RecordKind.FRAME: frame_bytes, RecordKind.PRESS: PRESS_BYTES}
-    return len(record.content) == lengths.get(record.kind, len(record.content))
-
-
-def _presses(records: list[Record], host_s: FloatArray) -> PressLabels | None:
-    """Press of each frame; None if the recording contains no presses."""
-    said = [record for record in records if record.kind == RecordKind.PRESS]
-    if not said:
-        return None
-    values = np.array([press_of(record) for record in said])
-    steps_s = np.diff([record.host_s for record in records])
-    if (steps_s < -CLOCK_SLACK_S).any():  # the clock was set back: the file's order is used
-        kinds = np.array([record.kind for record in records])
-        return labels_at(values, (np.cumsum(kinds == RecordKind.PRESS) - 1)[kinds == RecordKind.FRAME])
-    return press_labels(values, np.array([record.host_s for record in said]), host_s)
+def _presses(
+    raw: RawRecording, is_kept: BoolArray, sequence: IntArray, connection: IntArray
+) -> tuple[PressLabels, BoolArray]:
+    """Press of each kept frame, and whether it is known; damage of whole frames alone leaves it known."""
+    time_ns = np.rint(raw.host_s * 1e9).astype(np.int64)
+    places = [np.flatnonzero(is_kept & (raw.kinds == kind)) for kind in (RecordKind.PRESS, RecordKind.FRAME)]
+    presses, frames = (Moments(time_ns=time_ns[place], place=place) for place in places)
+    frame_bytes = packed_size(frame_format(raw.config).total_bytes)
+    gaps_ns = []
+    for behind, size in raw.gaps:
+        k = int(np.searchsorted(frames.place, behind))
+        is_within = 0 < k < len(sequence) and connection[k] == connection[k - 1]
+        more = size - frame_bytes * (sequence[k] - sequence[k - 1] - 1) if is_within else size
+        if abs(more) > LOST_BYTES:
+            gaps_ns.append((int(time_ns[behind - 1]) if behind else NEVER_NS, int(time_ns[behind])))
+    return press_labels(raw.presses_mm, presses, frames, gaps_ns)

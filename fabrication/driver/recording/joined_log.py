@@ -24,7 +24,7 @@ from fabrication.driver.recording.clock_match import (
     touches_of_signals,
 )
 from fabrication.driver.recording.position_log import PositionLog
-from fabrication.driver.recording.recorded import Recorded
+from fabrication.driver.recording.recorded import Recorded, require_rising
 
 LATE_S = 0.05
 """A frame counts as delayed if its delay exceeds the shortest delay of frames near it by more than this [s].
@@ -69,7 +69,7 @@ def joined(recorded: Recorded, log: PositionLog, offset: Offset = None) -> Joine
     InputError : recording and log do not overlap in time, their touches do not match, or the clock offset cannot be
         found or is ambiguous.
     """
-    _require_rising(recorded.host_s)
+    require_rising(recorded.host_s)
     host_s = _measured_s(recorded)
     said = descriptor_of(recorded.config)
     seen = touches_of_signals(host_s, recorded.signals, 0.98 * said.full_scale)
@@ -108,16 +108,6 @@ def _measured_s(recorded: Recorded) -> FloatArray:
         late_s[own] = lag_s - near_s[block]
     found: FloatArray = np.maximum.accumulate(recorded.host_s - np.where(late_s > LATE_S, late_s, 0.0))
     return found
-
-
-def _require_rising(host_s: FloatArray) -> None:
-    step_s = np.diff(host_s)
-    if (step_s < 0).any():
-        frame = int(np.flatnonzero(step_s < 0)[0])
-        raise InputError(
-            f"the recording's clock was set back by {-step_s[frame]:.2f} s after frame {frame + 1}: no "
-            "log can be joined to it; record again without changing the clock"
-        )
 
 
 def _require_overlap(recorded: Recorded, log: PositionLog, offset_s: float) -> None:

@@ -3,9 +3,10 @@
 The file is CSV with a heading; lines that start with # are comments. Required are a time and the three coordinates:
 
     time_s               seconds since 1970, or of any other clock with a known or found offset (also _ms, _us, _ns, and
-                         t for time); a 32-bit counter may wrap around
+                         t or elapsed for time, "Time (ms)", millis, micros); a 32-bit counter may wrap around
     time                 instead of time_s: ISO 8601 with time zone, 2026-05-04T14:03:07.250+02:00 (also timestamp)
-    x_mm y_mm depth_mm   location in the cavity's coordinate system, depth positive into the pad (also _um, _m)
+    x_mm y_mm depth_mm   location in the cavity's coordinate system, depth positive into the pad (also _um, _cm, _m, and
+                         "X (mm)")
 
 Optional columns are `set` (name), `place` (number of the press within its set), `role` (train, test), `pattern`
 (grid, random) and `ambient` (yes, no). A table row with an empty `set` or `place` belongs to no press, because the
@@ -15,6 +16,7 @@ stage is moving between presses.
 from __future__ import annotations
 
 import datetime
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,14 +28,20 @@ from design.errors import InputError, shown
 from design.recordings import UNNAMED, SetEntry
 from fabrication.driver.recording.press_labels import PressLabels
 
-LENGTHS_MM = {"_mm": 1.0, "_um": 1e-3, "_m": 1e3}
+LENGTHS_MM = {"_mm": 1.0, "_um": 1e-3, "_cm": 10.0, "_m": 1e3}
 TICKS_S = {"_s": 1.0, "_ms": 1e-3, "_us": 1e-6, "_ns": 1e-9}
 CLOCKS_S = {name + unit: tick for name in ("time", "t") for unit, tick in TICKS_S.items()}
+CLOCK_WORDS = {"time", "t", "timestamp", "stamp", "elapsed", "clock", "uptime"}
+"""A column whose name has one of these words and ends in a unit of time is a time; so is a unit alone, as millis."""
 MOMENTS = ("time", "timestamp")
 """Permitted names of a column with ISO 8601 times."""
+FRACTION = re.compile(r"(?<=:\d\d)[.,](\d+)")
+"""Fraction of a second in an ISO 8601 time."""
 LAST_S = 4.1e9
 """Latest accepted time, about the end of the year 2099 [s since 1970]; a later one indicates a wrong unit."""
 COUNTER_TICKS = 2.0**32
+LONGEST_PAUSE_S = 60.0
+"""Longest interval between two table rows in which a counter wraps [s]; a longer one is a reset of the logger."""
 YES, NO = {"yes", "true", "1"}, {"no", "false", "0"}
 
 LONGEST_GAP_S = 1.0
@@ -41,6 +49,11 @@ LONGEST_GAP_S = 1.0
 
 STILL_MM = 0.02
 """Largest distance between the positions in successive table rows for which the tip counts as not moving [mm]."""
+
+FARTHEST_MM, FASTEST_MM_S = 1e5, 1e4
+"""Largest coordinate [mm] and speed [mm/s] of a tip; larger ones are wrong values, or marks of a gap as -999."""
+LEAST_JUMP_MM = 100.0
+"""Speeds are checked for moves longer than this [mm], because rows may arrive in bursts."""
 
 NOWHERE = -1
 NEEDED = (
@@ -107,10 +120,11 @@ def read_position_log(file: Path) -> PositionLog:
     ------
     InputError : the file cannot be read, a column or number is missing, or the times do not increase.
     """
-    table = read_csv(file, needed=NEEDED, fewest_rows=2, lower=True)
+    table, _ = log_table(file, NEEDED)
     time_s = times_of(table)
     press_mm = np.stack([_lengths(table, axis) for axis in ("x", "y", "depth")], axis=1)
     require_rising(table, time_s)
+    _require_possible(table, time_s, press_mm)
     _require_close(table, time_s, press_mm)
     sets, set_number = _sets(table)
     place_number = _places(table)
@@ -130,15 +144,25 @@ def read_position_log(file: Path) -> PositionLog:
     )
 
 
+def log_table(file: Path, needed: str) -> tuple[CsvTable, tuple[int, ...]]:
+    """The table of a log without rows that are equal to the row before them, and the line numbers of those rows.
+
+    If all rows are equal, none is left out. Raises InputError if the file is no such table.
+    """
+    whole = read_csv(file, needed=needed, fewest_rows=2, lower=True)
+    table, doubled = whole.without_doubles()
+    return (whole, ()) if len(table.rows) < 2 else (table, doubled)
+
+
 def times_of(table: CsvTable, needed: str = NEEDED) -> FloatArray:
     """Times of a log's rows [s], from the first column that states one; raises InputError."""
-    for name, tick_s in CLOCKS_S.items():
-        if name in table.heading:
-            ticks = np.array(table.numbers(name))
-            if np.abs(ticks).max() < COUNTER_TICKS:
-                ticks[1:] += COUNTER_TICKS * np.cumsum(np.diff(ticks) < -0.5 * COUNTER_TICKS)
-            _require_unit(table, name, tick_s * np.abs(ticks).max(), tick_s)
-            return tick_s * ticks
+    if (name := _clock_of(table)) is not None:
+        tick_s = TICKS_S[f"_{name.rpartition('_')[2]}"]
+        ticks = np.array(table.numbers(name))
+        if np.abs(ticks).max() < COUNTER_TICKS:
+            ticks[1:] += COUNTER_TICKS * np.cumsum(_wraps(np.diff(ticks), tick_s))
+        _require_unit(table, name, tick_s * np.abs(ticks).max(), tick_s)
+        return tick_s * ticks
     moments = [name for name in MOMENTS if name in table.heading]
     if not moments:
         raise InputError(f"{table.file}: has no time; needs {needed}; it has {', '.join(table.heading)}")
@@ -149,6 +173,23 @@ def times_of(table: CsvTable, needed: str = NEEDED) -> FloatArray:
             f"{', '.join('time' + other for other in TICKS_S if other != unit)})"
         )
     return np.array(table.parsed(moments[0], _iso_s, "ISO 8601 with its zone, as 2026-05-04T14:03:07.250Z"))
+
+
+def _clock_of(table: CsvTable) -> str | None:
+    """The column whose name states a time and its unit; None if there is none."""
+    usual = [name for name in CLOCKS_S if name in table.heading]
+    if usual:
+        return usual[0]
+    units = [name for name in table.heading if f"_{name.rpartition('_')[2]}" in TICKS_S]
+    found = [name for name in units if "_" not in name or CLOCK_WORDS.intersection(name.split("_")[:-1])]
+    if len(found) > 1:
+        raise InputError(f"{table.file}: has the times {', '.join(found)}; name the one of its clock time_s")
+    return found[0] if found else None
+
+
+def _wraps(steps: FloatArray, tick_s: float) -> BoolArray:
+    """Whether a 32-bit counter wrapped around in each step between rows, shape (n,) [ticks]."""
+    return (steps < 0.0) & ((steps + COUNTER_TICKS) * tick_s < LONGEST_PAUSE_S)
 
 
 def _require_unit(table: CsvTable, name: str, latest_s: float, tick_s: float) -> None:
@@ -182,6 +223,20 @@ def require_rising(table: CsvTable, time_s: FloatArray) -> None:
     )
 
 
+def _require_possible(table: CsvTable, time_s: FloatArray, press_mm: FloatArray) -> None:
+    """Raise InputError where a position is out of any stage's reach, or cannot be reached in time from the last one."""
+    far = np.flatnonzero((np.abs(press_mm) > FARTHEST_MM).any(axis=1))
+    if not far.size:
+        moved_mm = np.linalg.norm(np.diff(press_mm, axis=0), axis=1)
+        far = 1 + np.flatnonzero((moved_mm > LEAST_JUMP_MM) & (moved_mm > FASTEST_MM_S * np.diff(time_s)))
+    if far.size:
+        x, y, depth = press_mm[far[0]]
+        raise InputError(
+            f"{table.where(int(far[0]))}: the tip is at x {x:g}, y {y:g}, depth {depth:g} mm, which no stage reaches "
+            "from the row before; is it the mark of a gap, or are the times in another unit? Drop such rows"
+        )
+
+
 def _require_close(table: CsvTable, time_s: FloatArray, press_mm: FloatArray) -> None:
     step_s, moved_mm = np.diff(time_s), np.linalg.norm(np.diff(press_mm, axis=0), axis=1)
     if ((step_s > LONGEST_GAP_S) & (moved_mm > STILL_MM)).all():
@@ -192,7 +247,9 @@ def _require_close(table: CsvTable, time_s: FloatArray, press_mm: FloatArray) ->
 
 
 def _iso_s(text: str) -> float:
-    moment = datetime.datetime.fromisoformat(text)
+    # Python 3.10 reads no Z, and a fraction only of three or six digits
+    plain = FRACTION.sub(lambda found: f".{found[1]:0<6.6}", text)
+    moment = datetime.datetime.fromisoformat(plain[:-1] + "+00:00" if plain.endswith("Z") else plain)
     if moment.tzinfo is None:
         raise ValueError("has no zone")
     return moment.timestamp()
@@ -203,7 +260,7 @@ def _lengths(table: CsvTable, axis: str) -> FloatArray:
         if (name := axis + suffix) in table.heading:
             return unit_mm * np.array(table.numbers(name))
     raise InputError(
-        f"{table.file}: has no {axis}_mm (or {axis}_um, {axis}_m); it has {', '.join(table.heading)}"
+        f"{table.file}: has no {axis}_mm (or {axis}_um, {axis}_cm, {axis}_m); it has {', '.join(table.heading)}"
     )
 
 

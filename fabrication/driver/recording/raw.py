@@ -23,15 +23,19 @@ import struct
 import time
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 from pathlib import Path
 from typing import IO, Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
+from design.arrays import FloatArray
 from design.errors import InputError
-from design.files import BYTES_FOR_KIND, kind_of, read_bytes
+from design.files import BYTES_FOR_KIND, kind_of, opened_file, size_of, too_large
+from design.progress import OnStep, silent
+from fabrication.driver.link.protocol import frame_format
 from fabrication.driver_file import DriverConfig, config_from_document
 from fabrication.record import plain_of
 
@@ -46,7 +50,12 @@ _HEAD = struct.Struct("<2sBHd")
 _CRC = struct.Struct("<I")
 PRESS = struct.Struct("<3d")
 END = struct.Struct("<2Q")
-PRESS_BYTES = PRESS.size
+LONGEST_HELLO = 1024
+"""Longest hello that is read [bytes]; that of this version of the protocol has 54."""
+PIECE_BYTES = 1_000_000
+"""Size of the pieces in which a recording is read [bytes]."""
+STEP = "recording"
+"""Name of the step in reports of progress."""
 LONGEST_HEADER = 10_000_000
 """Longest header of a recording that is read [bytes]; the largest configuration is about 30 kB."""
 
@@ -82,6 +91,11 @@ def packed_record(kind: RecordKind, host_s: float, content: bytes) -> bytes:
     return body + _CRC.pack(zlib.crc32(body))
 
 
+def packed_size(length: int) -> int:
+    """Number of bytes that a record with content of this length occupies."""
+    return _HEAD.size + length + _CRC.size
+
+
 class Sink(Protocol):
     """Writes records to the open file of a recording; its errors are OSError."""
 
@@ -102,27 +116,93 @@ class RawSink:
         self._stream = stream
         started = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
         header = {"format": FORMAT, "version": VERSION, "started": started, "config": plain_of(config)}
-        _write_all(stream, [json.dumps(header, separators=(",", ":")).encode() + b"\n"])
+        write_all(stream, [json.dumps(header, separators=(",", ":")).encode() + b"\n"])
 
     def write(self, records: list[Record]) -> None:
         """Write records completely; if that fails, the file ends with its last complete record."""
         packed = [packed_record(record.kind, record.host_s, record.content) for record in records]
-        _write_all(self._stream, packed)
+        write_all(self._stream, packed)
 
 
-def read_records(file: Path) -> tuple[dict[str, Any], DriverConfig, list[Record], int]:
-    """Read a recording; return header, driver configuration, complete records, and number of bytes outside records.
+@dataclass(frozen=True, kw_only=True)
+class RawRecording:
+    """The r complete records of a recording, as arrays in the order of the file.
+
+    Attributes
+    ----------
+    config : driver configuration of the sensor
+    kinds : type of each record, as in `RecordKind`, shape (r,)
+    host_s : the host's time at each record's arrival, shape (r,) [s]
+    frames : bytes of the n frames, in pieces; the shapes (k, bytes of a frame) add up to n
+    presses_mm : x, y, depth of each record of type PRESS, shape (p, 3) [mm]
+    stray_bytes : number of bytes outside complete records
+    gaps : for each place with bytes outside complete records, the number of the record behind, and the number of bytes
+    """
+
+    config: DriverConfig
+    kinds: NDArray[np.uint8]
+    host_s: FloatArray
+    frames: list[NDArray[np.uint8]]
+    presses_mm: FloatArray
+    stray_bytes: int
+    gaps: tuple[tuple[int, int], ...]
+
+
+def read_raw(file: Path, on_step: OnStep = silent) -> RawRecording:
+    """Read a recording in pieces, so that it needs little more memory than the bytes of its frames.
 
     Raises
     ------
     InputError : the file does not exist, is not a recording, or is of another version.
     """
-    content = read_bytes(file, needed=NEEDED, most_bytes=MOST_BYTES)
-    header, start = _header(file, content)
-    config = config_from_document(header["config"], where=f"{file}: its configuration")
-    records = list(_records(content, start))
-    used = sum(record.size for record in records)
-    return header, config, records, len(content) - start - used
+    frames, presses, stray, gaps = list[NDArray[np.uint8]](), list[Press](), 0, list[tuple[int, int]]()
+    count = before = 0
+    kinds, host_s = [np.zeros(0, np.uint8)], [np.zeros(0)]
+    with opened_file(file, needed=NEEDED) as stream:
+        _, config, pieces = _begun(file, stream, on_step)
+        for piece in pieces:
+            of_piece, begins = np.array(piece.kinds, dtype=np.uint8), np.array(piece.begins, dtype=np.int64)
+            kinds.append(of_piece)
+            host_s.append(np.array(piece.host_s, dtype=np.float64))
+            if len(at := begins[of_piece == RecordKind.FRAME]):
+                octets = np.frombuffer(piece.content, np.uint8)
+                size = frame_format(config).total_bytes
+                frames.append(np.lib.stride_tricks.sliding_window_view(octets, size)[at])
+            of_presses = begins[of_piece == RecordKind.PRESS].tolist()
+            presses += [PRESS.unpack_from(piece.content, k) for k in of_presses]
+            stray += piece.stray_bytes
+            ends = np.concatenate([[0], begins + np.array(piece.lengths, dtype=np.int64) + _CRC.size])
+            between = begins - _HEAD.size - ends[:-1]
+            if len(between):
+                between[0] += before
+                gaps += [(count + int(k), int(between[k])) for k in np.flatnonzero(between)]
+            before = piece.used - int(ends[-1]) + (0 if len(between) else before)
+            count += len(between)
+    return RawRecording(
+        config=config,
+        kinds=np.concatenate(kinds),
+        host_s=np.concatenate(host_s),
+        frames=frames,
+        presses_mm=np.array(presses, dtype=np.float64).reshape(-1, 3),
+        stray_bytes=stray,
+        gaps=tuple(gaps),
+    )
+
+
+def read_records(file: Path) -> tuple[dict[str, Any], DriverConfig, list[Record], int]:
+    """Read a recording; return header, driver configuration, complete records, and number of bytes outside records.
+
+    For long recordings, `read_raw` is faster. Errors are as in `read_raw`.
+    """
+    records, stray = list[Record](), 0
+    with opened_file(file, needed=NEEDED) as stream:
+        header, config, pieces = _begun(file, stream)
+        for piece in pieces:
+            stray += piece.stray_bytes
+            for kind, host_s, begin, length in zip(*piece.records, strict=True):
+                content = piece.content[begin : begin + length]
+                records.append(Record(kind=RecordKind(kind), host_s=host_s, content=content))
+    return header, config, records, stray
 
 
 def press_of(record: Record) -> Press:
@@ -147,25 +227,95 @@ def _header(file: Path, content: bytes) -> tuple[dict[str, Any], int]:
     return header, end + 1
 
 
-def _records(content: bytes, start: int) -> Iterator[Record]:
-    """Every complete record in a file's bytes from `start`; the search skips damaged records byte by byte."""
-    at = content.find(MAGIC, start)
-    while 0 <= at <= len(content) - _HEAD.size:
+@dataclass(kw_only=True)
+class _Piece:
+    """Bytes of a file, and the complete records in them: type, time, begin and length of each content."""
+
+    content: bytes
+    kinds: list[int] = field(default_factory=list)
+    host_s: list[float] = field(default_factory=list)
+    begins: list[int] = field(default_factory=list)
+    lengths: list[int] = field(default_factory=list)
+    used: int = 0
+    """Number of bytes that are done with; the rest belongs to the next piece."""
+
+    @property
+    def records(self) -> tuple[list[int], list[float], list[int], list[int]]:
+        return self.kinds, self.host_s, self.begins, self.lengths
+
+    @property
+    def stray_bytes(self) -> int:
+        return self.used - sum(self.lengths) - len(self.lengths) * (_HEAD.size + _CRC.size)
+
+
+def _begun(
+    file: Path, stream: IO[bytes], on_step: OnStep = silent
+) -> tuple[dict[str, Any], DriverConfig, Iterator[_Piece]]:
+    """Header and configuration of an open recording, and its records in pieces that are read one by one."""
+    size = size_of(stream, MOST_BYTES)
+    start = stream.read(BYTES_FOR_KIND)
+    if b"\n" not in start:
+        start += stream.readline(LONGEST_HEADER - len(start))
+    header, begin = _header(file, start)
+    config = config_from_document(header["config"], where=f"{file}: its configuration")
+    if size > MOST_BYTES:
+        raise InputError(too_large(file, needed=NEEDED, most_bytes=MOST_BYTES))
+
+    def pieces() -> Iterator[_Piece]:
+        rest, done, is_last = start[begin:], len(start), False
+        while not is_last:
+            more = stream.read(PIECE_BYTES)
+            is_last, done = len(more) < PIECE_BYTES, done + len(more)
+            piece = _whole_records(rest + more, frame_format(config).total_bytes, is_last=is_last)
+            rest = piece.content[piece.used :]
+            yield piece
+            on_step(STEP, 1.0 if is_last else min(done / size, 0.99))
+
+    return header, config, pieces()
+
+
+def _whole_records(content: bytes, frame_bytes: int, *, is_last: bool) -> _Piece:
+    """Every complete record in a part of a file; the search skips damaged ones byte by byte.
+
+    A record is damaged, however right its CRC, if its length is not that of its type. Unless the part `is_last`, a
+    record that may continue behind it is left for the next part.
+    """
+    most = {
+        RecordKind.FRAME: frame_bytes,
+        RecordKind.HELLO: LONGEST_HELLO,
+        RecordKind.PRESS: PRESS.size,
+        RecordKind.END: END.size,
+    }
+    permitted = {
+        int(kind): range(0 if kind == RecordKind.HELLO else longest, longest + 1)
+        for kind, longest in most.items()
+    }
+    around = _HEAD.size + _CRC.size
+    piece, view, none = _Piece(content=content), memoryview(content), range(0)
+    last = len(content) - (around if is_last else around + max(most.values()))
+    at = content.find(MAGIC)
+    while 0 <= at <= last:
         _, kind, length, host_s = _HEAD.unpack_from(content, at)
-        end = at + _HEAD.size + length
-        seal = content[end : end + _CRC.size]
-        if seal == _CRC.pack(zlib.crc32(content[at:end])) and kind in _KINDS:
-            yield Record(kind=RecordKind(kind), host_s=host_s, content=content[at + _HEAD.size : end])
+        begin = at + _HEAD.size
+        end = begin + length
+        if (
+            length in permitted.get(kind, none)
+            and end + _CRC.size <= len(content)
+            and zlib.crc32(view[at:end]) == _CRC.unpack_from(content, end)[0]
+        ):
+            piece.kinds.append(kind)
+            piece.host_s.append(host_s)
+            piece.begins.append(begin)
+            piece.lengths.append(length)
             at = end + _CRC.size
         else:
             at += 1
         at = content.find(MAGIC, at)
+    piece.used = len(content) if is_last else at if at >= 0 else max(len(content) - 1, 0)
+    return piece
 
 
-_KINDS = frozenset(RecordKind)
-
-
-def _write_all(stream: IO[bytes], records: list[bytes]) -> None:
+def write_all(stream: IO[bytes], records: list[bytes]) -> None:
     """Write records in one call; if that fails, remove an incomplete record at the end of the file."""
     whole, written = b"".join(records), 0
     try:

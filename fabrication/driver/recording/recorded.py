@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.arrays import BoolArray, FloatArray, IntArray
+from design.errors import InputError
 from design.recordings import signals_of
 from fabrication.driver.recording.press_labels import PressLabels
 from fabrication.driver_file import DriverConfig
@@ -16,20 +17,24 @@ from fabrication.driver_file import DriverConfig
 
 @dataclass(frozen=True, kw_only=True)
 class Recorded:
-    """The n frames of a recording, as arrays.
+    """The n frames of a recording, as arrays, in the order in which the sensor sent them.
 
     Attributes
     ----------
     config : driver configuration of the sensor
     counts : readings, shape (n, states, receivers) [counts]
-    connection : connection number of each frame, from 1
-    sequence : sequence number of each frame within its connection
+    connection : connection number of each frame, from 1; it increases where sequence and board's clock start anew
+    sequence : sequence number of each frame within its connection, increasing
     device_s : time of each frame by the board's clock, since its reset [s]
-    host_s : time of each frame by the host's clock, since 1970 [s]
+    host_s : time of each frame's arrival by the clock of the machine that read the board, since 1970 [s]. The log time
+        of a bag may be another clock; presses are joined by that one. `host_s` never decreases unless the clock was set
+        back; code that searches in it calls `require_rising` first
     labels : press of each frame; None if the recording contains no presses
     lost : number of frames missing, by their sequence numbers
     doubled : number of frames that arrived twice; one of the two is kept
+    left_out : number of frames left out because their press is unknown: presses may be among the missing records
     stray_bytes : number of bytes in the file that belong to no complete record
+    missing_files : files that a bag's `metadata.yaml` lists, but that are not in its folder
     ended_cleanly : whether the recorder closed the file normally
     """
 
@@ -44,6 +49,8 @@ class Recorded:
     stray_bytes: int
     ended_cleanly: bool
     doubled: int = 0
+    left_out: int = 0
+    missing_files: tuple[str, ...] = ()
 
     @property
     def press_mm(self) -> FloatArray | None:
@@ -55,6 +62,28 @@ class Recorded:
         """Readings minus those in the dark state, shape (n, emitters, receivers) [counts]."""
         return signals_of(self.counts.astype(np.float64))
 
+    @property
+    def losses(self) -> str:
+        """What is missing, such as "2 lost; the end is incomplete: 70 bytes belong to no whole record"."""
+        told = [f"{self.lost} lost"]
+        if self.doubled:
+            told.append(f"{self.doubled} doubled")
+        if self.left_out:
+            told.append(f"{self.left_out} left out, as their press is not known")
+        text = ", ".join(told)
+        if self.missing_files:
+            text += f"; {', '.join(self.missing_files)} of metadata.yaml is missing"
+        if not self.ended_cleanly and (self.stray_bytes or not self.missing_files):
+            text += f"; the end is incomplete: {self.stray_bytes} bytes belong to no whole record"
+        elif self.stray_bytes:
+            text += f"; {self.stray_bytes} bytes belong to no whole record"
+        return text
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether nothing is missing."""
+        return self.ended_cleanly and not (self.lost or self.left_out or self.stray_bytes)
+
     def only(self, kept: BoolArray) -> Recorded:
         """The recording with only the frames for which `kept` is True; the numbers of lost and doubled frames do not
         change."""
@@ -65,20 +94,12 @@ class Recorded:
         return replace(self, labels=None if self.labels is None else self.labels.only(kept), **cut)
 
 
-def press_labels(presses_mm: FloatArray, press_s: FloatArray, host_s: FloatArray) -> PressLabels:
-    """Press of each frame: the last press recorded before it. Frames before the first press are untouched.
-
-    Parameters
-    ----------
-    presses_mm : (press, 3) x, y, depth of known presses [mm]
-    press_s, host_s : (press,) and (time,) times of the presses and of the frames' arrivals, by the host's clock [s]
-    """
-    return labels_at(presses_mm, np.searchsorted(press_s, host_s, side="right") - 1)
-
-
-def labels_at(presses_mm: FloatArray, before: IntArray) -> PressLabels:
-    """Press of each frame by the number (time,) of the press before it; -1 before the first press."""
-    untouched = np.array([presses_mm[0, 0], presses_mm[0, 1], 0.0])
-    return PressLabels(
-        press_mm=np.where((before >= 0)[:, None], presses_mm[np.maximum(before, 0)], untouched)
-    )
+def require_rising(host_s: FloatArray) -> None:
+    """Raise InputError if the host's clock was set back during a recording; shape of its times (n,) [s]."""
+    step_s = np.diff(host_s)
+    if (step_s < 0).any():
+        frame = int(np.flatnonzero(step_s < 0)[0])
+        raise InputError(
+            f"the recording's clock was set back by {-step_s[frame]:.2f} s after frame {frame + 1}: no "
+            "log can be joined to it; record again without changing the clock"
+        )

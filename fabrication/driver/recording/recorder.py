@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Self
+from typing import IO, TYPE_CHECKING
 
 from design.errors import OutputError
 from design.files import require_suffix
@@ -17,8 +17,13 @@ from fabrication.driver.recording.mcap_file import MCAP_SUFFIX, mcap_sink
 from fabrication.driver.recording.raw import END, PRESS, SUFFIX, RawSink, Record, RecordKind, Sink
 from fabrication.driver_file import DriverConfig
 
+if TYPE_CHECKING:
+    from typing_extensions import Self  # in typing from Python 3.11
+
 FLUSH_S = 0.25
 """Interval at which records are written to the file [s]; it must not exceed 0.5 s."""
+SYNC_S = 5.0
+"""Interval at which the file is written through to the disk, so that it survives a power cut [s]."""
 
 OpenFile = Callable[[Path], IO[bytes]]
 """Function that creates a file and opens it without buffering."""
@@ -28,7 +33,8 @@ class Recorder:
     """Writes a recording of the raw stream; a context manager.
 
     A separate thread writes the records to the disk, so that a slow disk does not delay the reading of the port.
-    The methods may be called from several threads.
+    Whatever the format and the frame rate, a process that is killed leaves a file with all frames but those of the
+    last `FLUSH_S`, and a power cut takes those of the last `SYNC_S`. The methods may be called from several threads.
 
     Parameters
     ----------
@@ -61,6 +67,7 @@ class Recorder:
         self._lock = threading.Lock()
         self._writing = threading.RLock()
         self._over = threading.Event()
+        self._synced_s = time.monotonic()
         try:
             self._stream = (opened or _new_file)(self.file)
         except OSError as err:
@@ -98,9 +105,11 @@ class Recorder:
         self._append(Record(kind=RecordKind.HELLO, host_s=host_s, content=message))
 
     def press(self, x_mm: float, y_mm: float, depth_mm: float, host_s: float | None = None) -> None:
-        """Record the press that is valid from the time `host_s` [s] on, or from now on if that is None.
+        """Record the press that holds from the time `host_s` [s] on, or from now on if that is None.
 
-        A depth of 0 or less means that the pad is untouched.
+        It holds until the next call. So call this when the tip has arrived, and with a depth of 0 or less, for the
+        untouched pad, before the tip leaves; frames during a motion have the label of the rest before it. To fit a
+        force, record the motion of the stage instead (`optopad driver export --stage`).
 
         Raises
         ------
@@ -113,13 +122,14 @@ class Recorder:
             raise self.failure
 
     def flush(self) -> None:
-        """Write all pending records to the file; if that fails, truncate it after its last complete record."""
+        """Write all pending records to the file; if that fails, truncate it after its last complete record or chunk."""
         with self._writing:
             with self._lock:
                 records, self._pending = self._pending, []
             try:
                 if records and not self._stream.closed:
                     self._sink.write(records)
+                    self._sync()
             except OSError as err:
                 self._fail(err)
 
@@ -140,6 +150,12 @@ class Recorder:
         self._finish()
         if self.failure is not None:
             raise self.failure
+
+    def _sync(self) -> None:
+        now_s = time.monotonic()
+        if now_s - self._synced_s >= SYNC_S:
+            self._synced_s = now_s
+            os.fsync(self._stream.fileno())
 
     def _keep_flushing(self) -> None:
         while not self._over.wait(FLUSH_S):
@@ -178,8 +194,9 @@ def _unwritable(file: Path, err: OSError) -> str:
     if err.errno == errno.EEXIST:
         return f"{file}: exists already, and a recording is never overwritten; choose another name"
     if err.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+        until = f"{FLUSH_S:g} s before" if file.suffix.lower() == MCAP_SUFFIX else "then"
         return (
             f"{file}: the disk is full ({err.strerror}); the recording stopped, it holds every frame up "
-            "to then: free some room, then record into a new file"
+            f"to {until}: free some room, then record into a new file"
         )
     return f"{file}: cannot be written: {err.strerror or err}; choose another folder"

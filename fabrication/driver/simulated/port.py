@@ -13,9 +13,12 @@ import threading
 import time
 from pathlib import Path
 from types import TracebackType
-from typing import Protocol, Self
+from typing import TYPE_CHECKING, Protocol
 
 from design.errors import DeviceError, InputError
+
+if TYPE_CHECKING:
+    from typing_extensions import Self  # in typing from Python 3.11
 
 IDLE_S = 0.02
 """Interval at which a port is polled while no host has it open [s]."""

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from design.arrays import FloatArray
 from design.errors import InputError
+from design.hdf5_limits import limited_hdf5
 from fabrication.driver_file import DriverConfig
 
 if TYPE_CHECKING:
@@ -153,16 +154,13 @@ def table_from_signals(file: Path, config: DriverConfig) -> PressTable:
     ------
     InputError : the file cannot be read, is of another design or is not a full grid, or the configuration has no gains.
     """
-    import h5py
     import xarray as xr
 
     try:
-        with h5py.File(file, "r") as held:  # as h5netcdf reads first: it must not half open a damaged file
-            held.attrs.get("_nc3_strict")
-        with xr.open_dataset(file, engine="h5netcdf", phony_dims="access") as dataset:
-            size = sum(dataset[name].nbytes for name in ("press_x", "press_y", "press_depth", "flux"))
-            if size > MOST_BYTES:
-                raise ValueError(f"unpacks to {size / 1e6:.0f} MB, reads at most {MOST_BYTES / 1e6:.0f} MB")
+        with (
+            limited_hdf5(file, most_bytes=MOST_BYTES) as source,
+            xr.open_dataset(source, engine="h5netcdf", phony_dims="access") as dataset,
+        ):
             presses = np.stack([_numbers(dataset[f"press_{axis}"]) for axis in ("x", "y", "depth")], axis=1)
             flux = _numbers(dataset["flux"])
             belongs_to = str(dataset.attrs["design_digest"])

@@ -20,7 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.errors import InputError
-from design.files import kind_of_file, whole_file
+from design.file_sets import settle
+from design.files import kind_of_file, require_file, whole_file
 from design.plain_arrays import plain_arrays
 from sims.learning.inference.extra_trees import extra_trees_of_arrays
 from sims.learning.inference.header import ModelHeader, header_of_json
@@ -57,7 +58,8 @@ def save_model(file: str | os.PathLike[str], model: TouchModel) -> None:
     arrays[_HEADER] = np.frombuffer(text, np.uint8)
     arrays[_CHECKSUM] = np.frombuffer(_checksum(arrays), np.uint8)
     with whole_file(Path(file)) as hidden, hidden.open("wb") as stream:
-        np.savez_compressed(stream, allow_pickle=False, **arrays)
+        # not with `allow_pickle`, which NumPy 1 stores as one more array
+        np.savez_compressed(stream, **arrays)  # type: ignore[arg-type]
 
 
 def load_model(file: str | os.PathLike[str]) -> TouchModel:
@@ -84,9 +86,8 @@ def load_model(file: str | os.PathLike[str]) -> TouchModel:
 
 def _read(path: Path) -> dict[str, NDArray[Any]]:
     """Read a file and check its checksum; return its other arrays."""
-    if not path.is_file():
-        what = "a folder" if path.is_dir() else "no such file"
-        raise InputError(f"{path}: {what}; needs {NEEDED}")
+    settle(path.parent)
+    require_file(path, needed=NEEDED)
     try:
         arrays = plain_arrays(path, most_bytes=MOST_BYTES)
         held = arrays.pop(_CHECKSUM).tobytes()

@@ -169,6 +169,16 @@ def test_a_rate_is_judged_by_how_far_off_it_is(baud: int, severity: str | None) 
     assert [finding.severity for finding in findings] == ([severity] if severity else [])
 
 
+def test_the_rate_that_starts_a_boot_loader_is_a_warning_on_native_usb_alone() -> None:
+    for kind, is_usb in (("raspberry-pi-pico", True), ("teensy-41", True), ("arduino-mega-2560", False)):
+        for baud in (1200, 2400):
+            changes: dict[str, Any] = {"board.kind": kind, "board.baud": baud, "board.frame_rate_hz": 1.0}
+            said = [one for one in check(good(**changes)) if "boot" in one.message or "upload" in one.message]
+            assert [(one.severity, one.field, one.value) for one in said] == (
+                [("warning", "board.baud", "1200")] if is_usb and baud == 1200 else []
+            )
+
+
 def test_a_rate_that_is_off_names_what_the_board_makes_and_the_exact_ones() -> None:
     finding = only(good(**{"board.baud": 115_200}))
     assert "117647 baud instead, +2.1%" in finding.message

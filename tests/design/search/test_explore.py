@@ -95,6 +95,55 @@ def test_an_objective_that_breaks_loses_nothing_and_is_asked_again(tmp_path, who
     assert outcome(resumed) == outcome(whole_of())
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("sampler", ["tpe", *OTHERS])
+def test_designs_that_died_change_neither_the_others_nor_their_numbers(
+    sampler, tmp_path, whole_of, monkeypatch
+):
+    """A killed process leaves its designs marked as running, here three of a batch of four, twice."""
+    calls = []
+
+    def dies(design, limits):
+        calls.append(design.digest)
+        if len(calls) in (7, 9):
+            raise RuntimeError("killed")
+        return bowl(design, limits)
+
+    with monkeypatch.context() as patch:
+        patch.setattr("design.search.explore.release", lambda *_: None)
+        with pytest.raises(RuntimeError, match="killed"):
+            explore(cheap_space(sampler), dies, url_in(tmp_path), trials=14)
+    with pytest.raises(RuntimeError, match="killed"):
+        explore(cheap_space(sampler), dies, url_in(tmp_path), trials=14)
+    resumed = explore(cheap_space(sampler), bowl, url_in(tmp_path), trials=14)
+    assert [one.number for one in resumed.tried] == list(range(14))
+    assert outcome(resumed) == outcome(whole_of(sampler))
+    assert [one.number for one in resumed.front] == [one.number for one in whole_of(sampler).front]
+
+
+SEARCH = """
+import json, sys
+from design.search.explore import explore
+from design.search.importance import importances
+from tests.design.search.cheap_search import bowl, cheap_space
+found = explore(cheap_space(), bowl, sys.argv[1], trials=26)
+tried = [(one.number, list(one.parameters.items()), list(one.judged.figures.items())) for one in found.tried]
+print(json.dumps([tried, [one.number for one in found.front], importances(cheap_space(), sys.argv[1])]))
+"""
+
+
+@pytest.mark.slow
+def test_a_search_does_not_depend_on_the_seed_of_pythons_hashes(tmp_path):
+    said = []
+    for seed in ("1", "2"):
+        url = f"sqlite:///{tmp_path / seed}.db"
+        here = os.environ | {"PYTHONPATH": str(ROOT), "PYTHONHASHSEED": seed}
+        run = subprocess.run([sys.executable, "-c", SEARCH, url], env=here, capture_output=True, check=True)
+        said.append(run.stdout)
+    assert said[0] == said[1]
+    assert b"evenness" in said[0]
+
+
 def test_an_interrupt_ends_with_what_was_found(tmp_path):
     def interrupts(design, limits):
         if len(done) == 6:

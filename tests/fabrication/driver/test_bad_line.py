@@ -52,6 +52,12 @@ HELLO = pack_hello(
 )
 
 
+@pytest.fixture(autouse=True)
+def _short_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Boards here answer at once, so that no opening waits for long."""
+    monkeypatch.setattr("fabrication.driver.sensor.ANSWER_S", 0.3)
+
+
 @contextmanager
 def talking(says: Callable[[], bytes]) -> Iterator[str]:
     """A device on a pseudo-terminal that says something every 10 ms, whatever it hears."""

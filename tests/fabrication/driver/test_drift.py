@@ -242,8 +242,11 @@ def test_a_board_that_began_anew_keeps_its_levels() -> None:
     bench = Bench()
     bench.run(30.0)
     before = bench.tracker.untouched.copy()
+    for time_s in np.arange(30.0, 31.0, 0.1):
+        bench.tracker.follow(time_s, bench.frame(time_s).ravel(), True)  # unplugged during a touch
     bench.tracker.restart()
     bench.run(1.0)
+    assert not any(state.is_held for state in bench.states[-12:])
     assert np.abs(bench.tracker.untouched / before - 1)[FLAT.ravel() > 40].max() < 0.002
 
 

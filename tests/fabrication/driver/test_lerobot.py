@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +19,13 @@ from fabrication.driver.recording.export import read_recorded
 from fabrication.driver.recording.lerobot import (
     PRESS,
     SIGNALS,
+    Source,
     gathered,
     rows_of_step,
+    write_episodes,
     write_lerobot,
 )
+from fabrication.driver.recording.press_labels import PressLabels
 from fabrication.driver.simulated.port import FakePort
 from optopad.cli import main
 from tests.fabrication.driver.made_up_pad import board, pad_config
@@ -105,6 +110,157 @@ def test_known_presses_are_an_observation(tmp_path: Path) -> None:
     assert press[[0, -1]].tolist() == [[16.0, 8.0, 0.0], [16.0, 8.0, 1.5]]
 
 
+def data_of(folder: Path) -> pd.DataFrame:
+    return pd.concat([pd.read_parquet(one) for one in sorted((folder / "data").glob("*/*.parquet"))])
+
+
+def info_of(folder: Path) -> dict[str, Any]:
+    return dict(json.loads((folder / "meta" / "info.json").read_text()))
+
+
+def content_of(folder: Path) -> dict[str, bytes]:
+    return {str(one.relative_to(folder)): one.read_bytes() for one in folder.rglob("*") if one.is_file()}
+
+
+def test_several_recordings_are_episodes_and_more_can_be_appended(
+    recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_recording(tmp_path / "b.optorec", tip_path(seed=2, presses=1), seed=2)
+    folder, files = tmp_path / "set", [str(recording), str(tmp_path / "b.optorec")]
+    export = ["driver", "export", "--lerobot", str(folder), "--json"]
+    assert main([*export, *files, "--task", "one", "--task", "two"]) == 0
+    assert json.loads(capsys.readouterr().out)["lerobot"]["episodes"] == 2
+    before = content_of(folder)
+    assert main([*export, files[0], "--append", "--task", "two"]) == 0
+    said = json.loads(capsys.readouterr().out)["lerobot"]
+    assert (said["episodes"], said["total_episodes"], said["repeated"]) == (1, 3, 0)
+    kept = [name for name in before if name.endswith("file-000.parquet")]
+    assert len(kept) == 2
+    assert [content_of(folder)[name] for name in kept] == [before[name] for name in kept]
+
+    data, info = data_of(folder), info_of(folder)
+    single = [
+        write_lerobot(read_recorded(Path(file)), tmp_path / f"{k}").steps for k, file in enumerate(files)
+    ]
+    lengths = [single[0], single[1], single[0]]
+    assert data["index"].tolist() == list(range(sum(lengths)))
+    assert data["episode_index"].tolist() == np.repeat([0, 1, 2], lengths).tolist()
+    assert data["task_index"].tolist() == np.repeat([0, 1, 1], lengths).tolist()
+    assert data["frame_index"].tolist() == [k for length in lengths for k in range(length)]
+    assert (info["total_episodes"], info["total_frames"], info["total_tasks"]) == (3, sum(lengths), 2)
+    assert info["splits"] == {"train": "0:3"}
+    signals = np.stack(list(data[SIGNALS]))
+    alone = np.stack(list(data_of(tmp_path / "0")[SIGNALS]))
+    np.testing.assert_array_equal(signals[: single[0]], alone)
+    np.testing.assert_array_equal(signals[-single[0] :], alone)
+
+    stats = json.loads((folder / "meta" / "stats.json").read_text())[SIGNALS]
+    assert stats["count"] == [sum(lengths)]
+    for name in ("mean", "std", "min", "max"):
+        np.testing.assert_allclose(stats[name], getattr(signals.astype(float), name)(axis=0), rtol=1e-9)
+    parts = np.split(signals.astype(float), np.cumsum(lengths)[:-1])
+    medians = [np.median(part, axis=0) for part in parts]
+    np.testing.assert_allclose(stats["q50"], np.average(medians, axis=0, weights=lengths), rtol=1e-9)
+    episodes = pd.concat(
+        [pd.read_parquet(one) for one in sorted((folder / "meta" / "episodes").glob("*/*.parquet"))]
+    )
+    assert episodes["data/file_index"].tolist() == episodes["meta/episodes/file_index"].tolist() == [0, 0, 1]
+    assert episodes["dataset_to_index"].tolist() == np.cumsum(lengths).tolist()
+    assert [list(one) for one in episodes["tasks"]] == [["one"], ["two"], ["two"]]
+
+
+def test_what_does_not_fit_is_not_appended_and_the_data_set_stays(recording: Path, tmp_path: Path) -> None:
+    recorded, folder = read_recorded(recording), tmp_path / "set"
+    write_lerobot(recorded, folder, fps=20)
+    before = content_of(folder)
+    pressed = PressLabels(press_mm=np.zeros((len(recorded.sequence), 3)))
+    others: list[tuple[Any, dict[str, Any], str]] = [
+        (recorded, {"fps": 25}, r"--fps: 25 is refused: .* 20 steps per second"),
+        (recorded, {"fps": 20, "take": "last"}, "last frame of the step"),
+        (recorded, {"fps": 20, "take": "all"}, r"\[3, 64\]"),
+        (replace(recorded, config=replace(recorded.config, digest="f" * 64)), {"fps": 20}, "ffffffff"),
+        (replace(recorded, labels=pressed), {"fps": 20}, "has known presses"),
+        (recorded.only(recorded.device_s < 0.04), {"fps": 20}, r"less than one step of 0\.05 s"),
+    ]
+    for other, options, said in others:
+        sources = [Source(recorded=recorded), Source(recorded=other)]
+        with pytest.raises(InputError, match=said):
+            write_episodes(sources, folder, is_appended=True, **options)
+
+    def interrupted() -> Iterator[Source]:
+        yield Source(recorded=recorded)
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write_episodes(interrupted(), folder, fps=20, is_appended=True)
+    assert content_of(folder) == before
+    assert [one.name for one in tmp_path.iterdir()] == ["set"]
+    folder.rename(tmp_path / ".set.before")  # as after a kill between two renames
+    assert write_episodes([Source(recorded=recorded)], folder, fps=20, is_appended=True).total_episodes == 2
+    assert [one.name for one in tmp_path.iterdir()] == ["set"]
+    (folder / "meta" / "stats.json").write_text("{")
+    with pytest.raises(InputError, match="or damaged"):
+        write_episodes([Source(recorded=recorded)], folder, fps=20, is_appended=True)
+
+
+def test_a_gap_begins_an_episode_and_is_never_filled_with_copies(recording: Path, tmp_path: Path) -> None:
+    recorded = read_recorded(recording)
+    number = np.arange(len(recorded.sequence))
+    cut = recorded.only((number < 120) | (number >= 241))
+    later = np.where(number < 300, 0.0, 100.0)
+    restarted = replace(
+        recorded,
+        connection=1 + (number >= 300).astype(np.int64),
+        device_s=recorded.device_s - recorded.device_s[300] * (number >= 300),
+        host_s=recorded.host_s + later,
+    )
+    for name, one, first, left_out_s in (
+        ("gap", cut, 241, 122 / RATE_HZ),
+        ("restart", restarted, 300, 100.0),
+        ("merged", replace(restarted, host_s=recorded.host_s - later), 300, 0.0),
+    ):
+        made = write_lerobot(one, tmp_path / name, take="last")
+        data = data_of(tmp_path / name)
+        assert (made.episodes, made.repeated) == (2, 0)
+        assert made.left_out_s == pytest.approx(left_out_s, abs=2 / 30)
+        assert not (np.diff(np.stack(list(data[SIGNALS])), axis=0) == 0).all(axis=1).any()
+        begun = data[data["episode_index"] == 1]
+        assert begun["timestamp"].iloc[0] == 0.0
+        inside = recorded.device_s[first:] <= recorded.device_s[first] + 1 / 30 + 1e-6
+        last = recorded.signals[first:][inside][-1].ravel()
+        np.testing.assert_array_equal(begun[SIGNALS].iloc[0], last.astype(np.float32))
+
+
+def test_a_host_s_clock_that_is_set_back_changes_no_step(recording: Path, tmp_path: Path) -> None:
+    recorded = read_recorded(recording)
+    back = recorded.host_s - 30.0 * (np.arange(len(recorded.sequence)) >= 300)
+    for name, one in (("right", recorded), ("back", replace(recorded, host_s=back))):
+        assert write_lerobot(one, tmp_path / name).episodes == 1
+    assert data_of(tmp_path / "back").equals(data_of(tmp_path / "right"))
+
+
+def test_steps_that_repeat_a_frame_are_counted(recording: Path, tmp_path: Path) -> None:
+    recorded = read_recorded(recording)
+    made = write_lerobot(recorded, tmp_path / "fast", fps=100)
+    assert (made.episodes, made.repeated) == (1, made.steps - (len(recorded.sequence) - 1))
+    one_step = recorded.only(~np.isin(np.arange(len(recorded.sequence)), (121, 122)))
+    made = write_lerobot(one_step, tmp_path / "lost", fps=30)
+    assert (made.episodes, made.repeated) == (1, 1)
+
+
+def test_steps_per_second_need_not_be_whole(recording: Path, tmp_path: Path) -> None:
+    recorded = read_recorded(recording)
+    write_lerobot(recorded, tmp_path / "ntsc", fps=29.97)
+    write_lerobot(recorded, tmp_path / "whole", fps=30.0)
+    assert info_of(tmp_path / "ntsc")["fps"] == 29.97
+    assert str(info_of(tmp_path / "whole")["fps"]) == "30"
+    data = data_of(tmp_path / "ntsc")
+    np.testing.assert_allclose(data["timestamp"], np.arange(len(data)) / 29.97, atol=1e-4)
+    assert len(data) == int(recorded.device_s[-1] * 29.97)
+    with pytest.raises(InputError, match="--fps: nan is refused"):
+        write_lerobot(recorded, tmp_path / "x", fps=float("nan"))
+
+
 def test_a_step_without_frames_repeats_the_one_before() -> None:
     assert rows_of_step(200.0, 30) == 7
     assert rows_of_step(60.0, 30) == 2
@@ -143,6 +299,12 @@ def test_bad_input_is_refused_and_leaves_nothing(
         ),
         (["--lerobot", str(tmp_path / "a"), "--fps", "0"], "--fps: 0 is refused"),
         (["--lerobot", str(tmp_path / "a"), "--out", "b.nc"], "two results; give one"),
+        (["--append"], "give --lerobot, too"),
+        (["b.optorec"], "b.optorec: a second recording"),
+        ([str(recording), "--lerobot", str(tmp_path / "a")], "is given twice"),
+        (["b.optorec", "--lerobot", str(tmp_path / "a"), "--stage", "a.csv"], "export each with --append"),
+        (["--lerobot", str(tmp_path / "a"), "--task", "a", "--task", "b"], "--task: 2 for 1 recordings"),
+        (["--lerobot", str(tmp_path / "old"), "--append"], "is no data set of `driver export --lerobot`"),
     ):
         assert main([*export, *options]) == 2
         assert said in capsys.readouterr().err

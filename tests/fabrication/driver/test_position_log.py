@@ -202,6 +202,16 @@ def test_times_may_be_written_as_dates_and_lengths_in_other_units(tmp_path: Path
         ),
         ("time_s,x_mm,y_mm,depth_mm", ["0,1,1,1", "1,1,,1"], "row 3: y_mm is ''"),
         ("time_s,x_mm,y_mm,depth_mm", ["0,1,1,1", "1,1,1"], "row 3 has 3 values, the heading 4 columns"),
+        (
+            "time_s,x_mm,y_mm,depth_mm",
+            ["0,1,1,1", "0.1,1,1,9.97e36"],
+            "row 3: the tip is at x 1, y 1, depth 9.97e",
+        ),
+        (
+            "time_s,x_mm,y_mm,depth_mm",
+            ["0,1,1,1", "0.04,-999,1,1", "0.08,1,1,1"],
+            "row 3: the tip is at x -999, ",
+        ),
         ("time_s,x_mm,y_mm,depth_mm", ["5,1,1,1", "4,1,1,1"], r"times do not rise: row 3 is -1\.000 s after"),
         ("time_s,x_mm,y_mm,depth_mm", ["5,1,1,1", "5,1,1,1"], r"row 3 has the time of row 2 \(1 of 2"),
         ("time_s,x_mm,y_mm,depth_mm", ["0,1,1,1", "20,1,1,2", "40,1,1,3"], "are the times milliseconds"),

@@ -8,6 +8,7 @@ import os
 import subprocess
 import sys
 import time
+import tracemalloc
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +22,10 @@ from design.errors import InputError, OutputError
 from design.preset import PRESETS
 from fabrication.driver import Sensor
 from fabrication.driver.link.protocol import FrameFormat, pack_frames
+from fabrication.driver.recording import export, mcap_file, raw
+from fabrication.driver.recording import recorder as recorder_module
 from fabrication.driver.recording.export import read_recorded, write_csv, write_netcdf
-from fabrication.driver.recording.raw import RecordKind, packed_record, read_records
+from fabrication.driver.recording.raw import PRESS, RecordKind, packed_record, read_records
 from fabrication.driver.recording.recorder import Recorder
 from fabrication.driver.simulated.finger import FingerPath
 from fabrication.driver.simulated.port import FakePort, PtyWire
@@ -152,12 +155,13 @@ def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full")
-def test_a_disk_that_is_full_from_the_start_is_named(tmp_path: Path) -> None:
+@pytest.mark.parametrize("suffix", [".optorec", ".mcap"])
+def test_a_disk_that_is_full_from_the_start_is_named(suffix: str, tmp_path: Path) -> None:
     def full(_: Path) -> Any:
         return open("/dev/full", "wb", buffering=0)
 
     with pytest.raises(OutputError, match="the disk is full"):
-        Recorder(tmp_path / "a.optorec", CONFIG, opened=full)
+        Recorder(tmp_path / f"a{suffix}", CONFIG, opened=full)
 
 
 class FullDisk(io.FileIO):
@@ -222,14 +226,19 @@ class StallingDisk(io.FileIO):
 
 @pytest.mark.slow
 def test_a_disk_that_stalls_costs_no_frame(tmp_path: Path) -> None:
-    file = tmp_path / "a.optorec"
     with FakePort(board()) as port, Sensor(CONFIG, port.name, rate_hz=200, baseline_s=0) as sensor:
-        recorder = Recorder(file, CONFIG, opened=lambda name: StallingDisk(name, "xb"))
-        sensor._open.record(recorder)
+        recorders = [
+            Recorder(tmp_path / name, CONFIG, opened=lambda name: StallingDisk(name, "xb"))
+            for name in ("a.optorec", "a.mcap")
+        ]
+        for recorder in recorders:
+            sensor._open.record(recorder)
         list(sensor.frames(seconds=1.5))
-        recorder.close()
+        for recorder in recorders:
+            recorder.close()
         assert sensor.counts.lost == 0
-    assert len(frames_of(file)) == recorder.frames > 200
+    for recorder in recorders:
+        assert len(read_recorded(recorder.file).sequence) == recorder.frames > 200
 
 
 def test_closing_the_sensor_closes_its_recording(tmp_path: Path) -> None:
@@ -243,46 +252,96 @@ def test_closing_the_sensor_closes_its_recording(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_half_a_second_after_it_came_a_frame_is_in_the_file(tmp_path: Path) -> None:
     with FakePort(board()) as port, Sensor(CONFIG, port.name, rate_hz=100, baseline_s=0) as sensor:
-        recorder = sensor.record(tmp_path / "a.optorec")
+        recorders = [sensor.record(tmp_path / name) for name in ("a.optorec", "a.mcap")]
         seen = []
         for _ in range(4):
             time.sleep(0.25)
-            seen.append((recorder.frames, len(frames_of(tmp_path / "a.optorec"))))
-        recorder.close()
+            received = [recorder.frames for recorder in recorders]
+            files = [recorder.file for recorder in recorders]
+            in_file = [len(read_recorded(file).sequence) if len(seen) > 1 else 0 for file in files]
+            seen.append((received, in_file))
+        for recorder in recorders:
+            recorder.close()
     for (received, _), (_, in_file) in zip(seen, seen[2:], strict=False):  # two steps of 0.25 s later
-        assert in_file >= received
+        assert all(np.greater_equal(in_file, received))
+
+
+def test_a_full_disk_leaves_an_mcap_file_with_whole_chunks(tmp_path: Path) -> None:
+    for spare in (6000, 6001, 7777, 9000):
+        file = tmp_path / f"{spare}.mcap"
+        recorder = Recorder(file, CONFIG, opened=lambda name, spare=spare: FullDisk(name, spare))
+        with pytest.raises(OutputError, match=r"disk is full.*every frame up to 0\.25 s before"):  # noqa: PT012
+            for number, message in enumerate(FRAMES):
+                recorder.frame(message, float(number))
+                if number % 5 == 4:
+                    recorder.flush()
+                    kept = number - 4 if recorder.failure else number + 1
+                    if recorder.failure:
+                        break
+            recorder.close()
+        found = read_recorded(file)
+        assert len(found.sequence) == kept >= 5
+        assert found.stray_bytes == 0
+
+
+@pytest.mark.parametrize("suffix", [".optorec", ".mcap"])
+def test_what_was_flushed_is_written_through_to_the_disk(
+    suffix: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sizes: list[int] = []
+    monkeypatch.setattr(recorder_module, "SYNC_S", 0.0)
+    monkeypatch.setattr(os, "fsync", lambda number: sizes.append(os.fstat(number).st_size))
+    recorder = Recorder(tmp_path / f"a{suffix}", CONFIG)
+    recorder.frame(FRAMES[0], 1000.0)
+    recorder.flush()
+    assert sizes[-1] == recorder.file.stat().st_size > 0
+    recorder.close()
+    assert sizes[-1] == recorder.file.stat().st_size
+
+
+KILLED = """
+import os, signal, sys, time
+from pathlib import Path
+import numpy as np
+from fabrication.driver.link.protocol import frame_format, pack_frames
+from fabrication.driver.recording.recorder import Recorder
+from tests.fabrication.driver.made_up_pad import pad_config
+
+CONFIG = pad_config()
+FRAMES = pack_frames(frame_format(CONFIG), range(520), range(520), np.zeros((520, 9, 8), int))
+
+def recorded(file, rate_hz):
+    recorder, begun_s = Recorder(file, CONFIG), time.time()
+    for k in range(int(1.3 * rate_hz)):
+        time.sleep(max(begun_s + k / rate_hz - time.time(), 0.0))
+        recorder.frame(FRAMES[k], time.time())
+    Path(f"{file}.killed").write_text(f"{time.time()} {recorder.frames}")
+    os.kill(os.getpid(), signal.SIGKILL)
+
+for suffix in (".optorec", ".mcap"):
+    for rate_hz in (5, 400):
+        if os.fork() == 0:
+            recorded(f"{sys.argv[1]}/{rate_hz}{suffix}", rate_hz)
+for _ in range(4):
+    os.wait()
+"""
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(os.name != "posix", reason="needs signals")
-def test_a_recorder_that_was_killed_leaves_all_but_the_last_half_second(tmp_path: Path) -> None:
-    file, config = tmp_path / "a.optorec", tmp_path / "driver.toml"
-    config.write_text(made_up_toml(), encoding="utf-8")
-    program = (
-        "import sys; from fabrication.driver import Sensor\n"
-        "with Sensor(sys.argv[1], sys.argv[2], rate_hz=100, baseline_s=0) as s:\n"
-        "    r = s.record(sys.argv[3])\n"
-        "    for f in s: print(r.frames, flush=True)\n"
-    )
-    with FakePort(board()) as port:
-        command = [sys.executable, "-c", program, str(config), port.name, str(file)]
-        root = Path(__file__).parents[3]
-        with subprocess.Popen(command, cwd=root, stdout=subprocess.PIPE, text=True) as process:
-            assert process.stdout is not None
-            count = next(int(line) for line in process.stdout if int(line) >= 120)
-            process.kill()
-    kept = read_recorded(file)
-    assert len(kept.sequence) >= count - 50  # half a second at 100 Hz
-    assert not kept.ended_cleanly
-    assert np.diff(kept.sequence).tolist() == [1] * (len(kept.sequence) - 1)
-
-
-def made_up_toml() -> str:
-    from design.preset import preset
-    from fabrication.driver_config import dump_driver_config
-    from tests.fabrication.driver.made_up_pad import untouched
-
-    return dump_driver_config(preset("piacenza2017-pad"), [1e5] * 8, np.minimum(untouched(), 1023))
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs processes of POSIX")
+def test_a_recorder_that_was_killed_leaves_all_but_the_last_half_second_in_each_format_at_each_rate(
+    tmp_path: Path,
+) -> None:
+    root = Path(__file__).parents[3]
+    subprocess.run([sys.executable, "-c", KILLED, str(tmp_path)], cwd=root, check=True)
+    for suffix in (".optorec", ".mcap"):
+        for rate_hz in (5, 400):
+            killed_s, frames = (tmp_path / f"{rate_hz}{suffix}.killed").read_text().split()
+            kept = read_recorded(tmp_path / f"{rate_hz}{suffix}")
+            assert not kept.ended_cleanly
+            assert np.array_equal(kept.sequence, np.arange(len(kept.sequence)))
+            assert len(kept.sequence) >= int(frames) - 0.5 * rate_hz
+            assert float(killed_s) - kept.host_s[-1] < 0.5
 
 
 @pytest.mark.slow
@@ -337,6 +396,97 @@ def test_a_torn_recording_exports_what_is_whole(tmp_path: Path) -> None:
     assert not found.ended_cleanly
     assert 90 <= len(found.sequence) < 100
     assert 0 < found.stray_bytes < 122
+
+
+def several(file: Path) -> None:
+    """100 frames of two connections, two presses, damage in the middle and at the end; some frames twice."""
+    records = [
+        packed_record(kind, 1000.0 + k, content)
+        for k, (kind, content) in enumerate(
+            [
+                (RecordKind.HELLO, bytes(56)),
+                *((RecordKind.FRAME, frame) for frame in [*FRAMES[:40], *FRAMES[30:50]]),
+                (RecordKind.PRESS, PRESS.pack(1.0, 2.0, 3.0)),
+                (RecordKind.HELLO, bytes(56)),
+                *((RecordKind.FRAME, frame) for frame in FRAMES[:30]),
+                (RecordKind.PRESS, PRESS.pack(1.0, 2.0, 4.0)),
+                *((RecordKind.FRAME, frame) for frame in FRAMES[30:50]),
+            ]
+        )
+    ]
+    records[20] = b"\xb5\x6b" + records[20][3:]
+    file.write_bytes(
+        written(file.with_name("head.optorec"), 0).split(b"\n")[0] + b"\n" + b"".join(records)[:-5]
+    )
+
+
+def test_pieces_of_any_size_give_the_same_recording_and_the_same_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    several(tmp_path / "a.optorec")
+    whole = read_recorded(tmp_path / "a.optorec")
+    records = read_records(tmp_path / "a.optorec")
+    assert (len(whole.sequence), whole.doubled, whole.lost) == (49 + 49, 10, 1)
+    assert whole.stray_bytes == records[3] == 121 + 117
+    assert whole.connection.tolist() == [1] * 49 + [2] * 49
+    assert whole.press_mm is not None
+    assert whole.press_mm[:, 2].tolist() == [0.0] * 49 + [3.0] * 30 + [4.0] * 19
+    for size, frames in ((64, 1), (777, 7), (5000, 98)):
+        monkeypatch.setattr(raw, "PIECE_BYTES", size)
+        for module in (mcap_file, export):
+            monkeypatch.setattr(module, "FRAMES_A_PIECE", frames)
+        found = read_recorded(tmp_path / "a.optorec")
+        for name in ("counts", "connection", "sequence", "device_s", "host_s", "press_mm"):
+            assert np.array_equal(getattr(found, name), getattr(whole, name)), name
+        assert (found.stray_bytes, found.doubled, found.lost) == (whole.stray_bytes, 10, 1)
+        write_csv(found, tmp_path / f"{size}.csv", "a")
+        mcap_file.write_mcap(found, tmp_path / f"{size}.mcap")
+        write_netcdf(found, tmp_path / f"{size}.nc", "a")
+        with xr.open_dataset(tmp_path / f"{size}.nc", engine="h5netcdf") as dataset:
+            xr.testing.assert_identical(dataset.load(), export.dataset_of(whole, "a"))
+        again = read_recorded(tmp_path / f"{size}.mcap")
+        for name in ("counts", "connection", "sequence", "device_s", "press_mm"):
+            assert np.array_equal(getattr(again, name), getattr(whole, name)), name
+    assert (tmp_path / "64.csv").read_bytes() == (tmp_path / "5000.csv").read_bytes()
+
+
+def test_an_export_ends_within_a_piece_and_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    written(tmp_path / "a.optorec")
+    found = read_recorded(tmp_path / "a.optorec")
+    for module in (mcap_file, export):
+        monkeypatch.setattr(module, "FRAMES_A_PIECE", 10)
+    for suffix in (".csv", ".nc", ".mcap"):
+        shares: list[float] = []
+
+        def step(_stage: str, share: float, shares: list[float] = shares) -> None:
+            shares.append(share)
+            if len(shares) == 3:
+                raise KeyboardInterrupt
+
+        with pytest.raises(KeyboardInterrupt):
+            export.write_export(found, tmp_path / f"a{suffix}", "a", on_step=step)
+        assert shares == pytest.approx([0.1, 0.2, 0.3])
+    assert [one.name for one in tmp_path.iterdir()] == ["a.optorec"]
+
+
+def test_reading_takes_little_more_memory_than_the_readings(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(raw, "PIECE_BYTES", 100_000)
+    count = 20_000
+    layout = FrameFormat(emitters=8, receivers=8, bits=10)
+    frames = pack_frames(layout, range(count), range(count), np.zeros((count, 9, 8), int))
+    head = written(tmp_path / "head.optorec", 0).split(b"\n")[0] + b"\n"
+    records = (packed_record(RecordKind.FRAME, float(k), frame) for k, frame in enumerate(frames))
+    (tmp_path / "a.optorec").write_bytes(head + b"".join(records))
+    tracemalloc.start()
+    found = read_recorded(tmp_path / "a.optorec")
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert len(found.sequence) == count
+    assert peak < 2.5 * found.counts.nbytes
 
 
 def test_connections_of_a_recording_are_told_apart(tmp_path: Path) -> None:

@@ -20,9 +20,10 @@ from fabrication.driver import Sensor
 from fabrication.driver.link.link import Link
 from fabrication.driver.link.ports import PortLostError
 from fabrication.driver.recording.export import read_recorded
+from fabrication.driver.simulated.board import FakeBoard
 from fabrication.driver.simulated.finger import FingerPath
 from fabrication.driver.simulated.port import FakePort, PtyWire, SocketWire
-from tests.fabrication.driver.made_up_pad import board, pad_config, untouched
+from tests.fabrication.driver.made_up_pad import board, pad_config, press_table, untouched
 
 ROOT = Path(__file__).parents[3]
 CONFIG = replace(pad_config(), board=replace(pad_config().board, boot_s=0.2))
@@ -190,12 +191,55 @@ def test_a_silent_board_is_an_error_also_within_a_given_time(monkeypatch: pytest
             list(sensor.frames(seconds=2.5))
 
 
+class HungBoard(FakeBoard):
+    """A board that falls silent once `is_hung` is set, until it is reset."""
+
+    is_hung = False
+
+    def reset(self, now_s: float) -> None:
+        super().reset(now_s)
+        self.is_hung = False
+
+    def spoken(self, now_s: float) -> bytes:
+        return b"" if self.is_hung else super().spoken(now_s)
+
+    def heard(self, piece: bytes, now_s: float) -> bytes:
+        return b"" if self.is_hung else super().heard(piece, now_s)
+
+
+def test_the_port_of_a_silent_board_is_opened_again_which_resets_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("fabrication.driver.stream.START_AGAIN_S", 0.05)
+    monkeypatch.setattr("fabrication.driver.stream.OPEN_AGAIN", 1)
+    hung = HungBoard(CONFIG, press_table())
+    with FakePort(hung) as port, quick(port.name) as sensor:
+        sensor.read()
+        hung.is_hung = True
+        assert any(frame.connection == 2 for frame in sensor)
+
+
+def test_a_rate_is_0_and_a_timed_reading_fails_while_no_frames_arrive(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    with FakePort(board()) as port, quick(port.name) as sensor:
+        list(sensor.frames(count=20))
+        assert (sensor.fault, sensor.rate_hz) == ("", pytest.approx(200, rel=0.2))
+        kept, stream = sensor.read(), sensor._open
+        monkeypatch.setattr(stream, "_keep", lambda *_: None)
+        with stream._changed:
+            stream.heard_at = time.monotonic() - 2.0
+            stream._queue.append(kept)  # a frame that a slow reader left
+        assert "no whole frame for 2 s" in sensor.fault
+        assert sensor.rate_hz == 0.0
+        with pytest.raises(DeviceError, match="no whole frame for 2"):
+            list(sensor.frames(seconds=0.05))
+
+
 def test_a_board_that_begins_anew_with_another_design_s_firmware_is_refused(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("fabrication.driver.stream.LATE_HELLO_S", 0.0)
     built = board()
-    with FakePort(built) as port, quick(port.name, patience_s=2.0) as sensor:
+    with FakePort(built) as port, quick(port.name, patience_s=0.5) as sensor:
         sensor.read()
         built._digest = "ab" * 32
         built.reset(time.monotonic())
@@ -299,7 +343,6 @@ def test_a_slow_rate_is_waited_for_longer_than_the_patience() -> None:
 
 
 def test_a_board_of_another_shape_is_refused_even_by_name() -> None:
-    from fabrication.driver.simulated.board import FakeBoard
     from fabrication.driver.simulated.press_table import untouched_table
 
     other = pad_config("piacenza2017-pair")

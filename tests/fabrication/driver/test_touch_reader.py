@@ -178,6 +178,21 @@ def test_a_change_of_gain_is_no_touch() -> None:
     assert any("a change of gain, no touch" in touch_line(touch) for touch in found)
 
 
+def test_a_sensor_that_is_opened_again_is_followed_from_its_new_clock_on() -> None:
+    """The number of the connection is 1 again, and the board's clock begins at 0."""
+    with FakePort(board()) as port:
+        sensor = Sensor(CONFIG, port.name, rate_hz=200.0, baseline_s=0.0)
+        reader = TouchReader(sensor, made_up_model(), start_s=0.1)
+        with sensor:
+            first = reader.read().frame
+            reader.tracker.follow(1e3, first.signals.ravel().astype(float), True)  # a late touch
+            reader._last = replace(first, device_us=10**9)
+        with sensor:
+            (touch,) = reader.touches(count=1)
+    assert touch.frame.connection == first.connection
+    assert not touch.drift.is_held
+
+
 @pytest.mark.parametrize(
     ("changes", "told"),
     [

@@ -1,4 +1,5 @@
-"""A stand-in for ROS 2: rclpy's lifecycle nodes as far as the sensor's node uses them, with the real message types.
+"""A stand-in for ROS 2: rclpy's lifecycle nodes and launch, as far as the sensor's package uses them, with the real
+message types.
 
 Types come from rosbags, so that every published message is serialised and read back as ROS does.
 """
@@ -19,7 +20,23 @@ from rosbags.typesys.base import Nodetype
 
 from fabrication.ros2.messages import definition, names
 
-NODE = Path(__file__).parents[3] / "fabrication" / "ros2" / "optopad_ros" / "optopad_ros" / "sensor_node.py"
+PACKAGE = Path(__file__).parents[3] / "fabrication" / "ros2" / "optopad_ros"
+NODE = PACKAGE / "optopad_ros" / "sensor_node.py"
+LAUNCH = PACKAGE / "launch" / "sensor.launch.py"
+TAKEN = (
+    *(
+        "_allow_undeclared_parameters",
+        "_callbacks",
+        "_clients",
+        "_clock",
+        "_context",
+        "_default_callback_group",
+    ),
+    *("_descriptors", "_guards", "_logger", "_logger_service", "_managed_entities", "_parameter_overrides"),
+    *("_parameters", "_publishers", "_rate_group", "_services", "_state_machine", "_subscriptions"),
+    *("_time_source", "_timers", "_type_description_service"),
+)
+"""Attributes of rclpy's own nodes, in Humble, Jazzy and Kilted; a node that sets one of them breaks itself."""
 
 
 def store_of(version: str) -> Any:
@@ -106,46 +123,76 @@ class Log:
     def info(self, text: str) -> None:
         self.lines.append(text)
 
-    error = info
+    warning = error = fatal = info
 
 
-class Now:
-    """The time of this machine."""
+class InvalidParameterTypeException(Exception):  # noqa: N818, the name in rclpy
+    """A parameter without dynamic typing was given a value of another type than its default."""
+
+
+class RosClock:
+    """The time of this machine, or of a simulation once `simulated_s` is set."""
+
+    def __init__(self) -> None:
+        self.simulated_s: float | None = None
 
     @property
-    def nanoseconds(self) -> int:
-        return time.time_ns()
+    def ros_time_is_active(self) -> bool:
+        return self.simulated_s is not None
 
-    def to_msg(self) -> Any:
+    def now(self) -> Any:
+        whole = time.time_ns() if self.simulated_s is None else round(self.simulated_s * 1e9)
         message = class_of("builtin_interfaces/msg/Time")()
-        message.sec, message.nanosec = divmod(time.time_ns(), 10**9)
-        return message
+        message.sec, message.nanosec = divmod(whole, 10**9)
+        return types.SimpleNamespace(nanoseconds=whole, to_msg=lambda: message)
+
+
+class Future:
+    """A result that is set once."""
+
+    def __init__(self) -> None:
+        self.result: Any = None
+
+    def set_result(self, result: Any) -> None:
+        self.result = result
+
+    def done(self) -> bool:
+        return self.result is not None
 
 
 class LifecycleNode:
     """A node with its parameters, topics, services and log as attributes."""
 
     given: ClassVar[dict[str, Any]] = {}
+    namespace: ClassVar[str] = "/"
 
     def __init__(self, name: str) -> None:
-        self.name, self.log = name, Log()
+        self.name, self.log, self.clock = name, Log(), RosClock()
+        self.context = types.SimpleNamespace(ok=lambda: True)
         self.parameters: dict[str, Any] = {}
         self.topics: dict[str, Publisher] = {}
         self.published: dict[str, Publisher] = {}
-        self.services: dict[str, Any] = {}
+        self.offered: dict[str, Any] = {}
         self.timers: list[Any] = []
 
-    def get_name(self) -> str:
-        return self.name
+    def __setattr__(self, name: str, value: Any) -> None:
+        assert name not in TAKEN, f"{name} is an attribute of rclpy's own nodes"
+        super().__setattr__(name, value)
+
+    def get_fully_qualified_name(self) -> str:
+        return f"{self.namespace.rstrip('/')}/{self.name}"
 
     def get_logger(self) -> Log:
         return self.log
 
-    def get_clock(self) -> Any:
-        return types.SimpleNamespace(now=Now)
+    def get_clock(self) -> RosClock:
+        return self.clock
 
-    def declare_parameter(self, name: str, value: Any) -> None:
-        self.parameters[name] = self.given.get(name, value)
+    def declare_parameter(self, name: str, value: Any, descriptor: Any = None) -> None:
+        found = self.given.get(name, value)
+        if type(found) is not type(value) and not (descriptor and descriptor.dynamic_typing):
+            raise InvalidParameterTypeException(f"{name}: {found!r}, expecting {type(value).__name__}")
+        self.parameters[name] = found
 
     def get_parameter(self, name: str) -> Any:
         return types.SimpleNamespace(value=self.parameters[name])
@@ -161,10 +208,11 @@ class LifecycleNode:
         return publisher
 
     def create_service(self, kind: Any, name: str, call: Any) -> str:
-        self.services[name] = (kind, call)
+        self.offered[name] = (kind, call)
         return name
 
-    def create_timer(self, _period_s: float, call: Any) -> Any:
+    def create_timer(self, _period_s: float, call: Any, clock: str) -> Any:
+        assert clock == "steady", "a timer by simulated time stops with it"
         self.timers.append(call)
         return call
 
@@ -172,10 +220,19 @@ class LifecycleNode:
         self.timers.remove(timer)
 
     def destroy_service(self, service: str) -> None:
-        del self.services[service]
+        del self.offered[service]
 
     def destroy_publisher(self, publisher: Publisher) -> None:
         del self.topics[publisher.topic]
+
+    def trigger_configure(self) -> str:
+        return str(self.on_configure(None))  # type: ignore[attr-defined]
+
+    def trigger_activate(self) -> str:
+        return str(self.on_activate(None))
+
+    def destroy_node(self) -> None:
+        self.topics.clear()
 
     def on_activate(self, _state: Any) -> str:
         for publisher in self.topics.values():
@@ -189,7 +246,7 @@ class LifecycleNode:
 
     def call(self, name: str, **request: Any) -> Any:
         """Call a service, as a client would."""
-        _, call = self.services[name]
+        _, call = self.offered[name]
         return call(types.SimpleNamespace(**request), types.SimpleNamespace(success=False, message=""))
 
 
@@ -203,6 +260,26 @@ class Transforms:
         self.node.transform = transform
 
 
+class Rclpy:
+    """rclpy's functions for a process; `spin` is called in place of the executor."""
+
+    nodes: ClassVar[list[LifecycleNode]] = []
+
+    @staticmethod
+    def init(args: Any = None) -> None:
+        Rclpy.nodes.clear()
+
+    @staticmethod
+    def spin_until_future_complete(node: Any, future: Future) -> None:
+        Rclpy.nodes.append(node)
+        while not future.done():
+            time.sleep(0.01)
+
+    @staticmethod
+    def try_shutdown() -> None:
+        """Nothing is open."""
+
+
 def node_module() -> Any:
     """The module of the sensor's node, imported with this stand-in in place of ROS 2."""
     messages = {
@@ -211,11 +288,18 @@ def node_module() -> Any:
         "optopad_msgs": ("Frame", "Sensor", "Touch"),
         "visualization_msgs": ("Marker",),
     }
-    made = {
+    made: dict[str, dict[str, Any]] = {
         f"{room}.msg": {name: class_of(f"{room}/msg/{name}") for name in of} for room, of in messages.items()
     }
     made |= {
-        "rclpy": {},
+        "rclpy": {
+            name: getattr(Rclpy, name) for name in ("init", "spin_until_future_complete", "try_shutdown")
+        },
+        "rclpy.clock": {
+            "Clock": lambda clock_type: clock_type,
+            "ClockType": types.SimpleNamespace(STEADY_TIME="steady"),
+        },
+        "rclpy.executors": {"ExternalShutdownException": type("ExternalShutdownException", (Exception,), {})},
         "rclpy.lifecycle": {
             "LifecycleNode": LifecycleNode,
             "TransitionCallbackReturn": types.SimpleNamespace(SUCCESS="SUCCESS", FAILURE="FAILURE"),
@@ -224,27 +308,69 @@ def node_module() -> Any:
             "QoSProfile": lambda **given: given,
             "DurabilityPolicy": types.SimpleNamespace(TRANSIENT_LOCAL="kept"),
         },
+        "rclpy.task": {"Future": Future},
+        "rcl_interfaces.msg": {"ParameterDescriptor": types.SimpleNamespace},
         "std_srvs.srv": {"Trigger": object()},
         "optopad_msgs.srv": {"Record": object()},
         "tf2_ros.static_transform_broadcaster": {"StaticTransformBroadcaster": Transforms},
     }
+    return imported(NODE, made)
+
+
+class LaunchEntity:
+    """An action or a description of launch: keeps what it was made with."""
+
+    def __init__(self, *given: Any, **named: Any) -> None:
+        self.given, self.named = given, named
+
+
+class ParameterValue(LaunchEntity):
+    """A parameter in a launch file, as launch_ros evaluates it: text from an argument becomes the stated type."""
+
+    def evaluated(self, arguments: dict[str, str]) -> Any:
+        (configuration,), kind = self.given, self.named["value_type"]
+        text = arguments[configuration.given[0]]
+        if kind is bool:
+            assert text.lower() in ("true", "false")
+            return text.lower() == "true"
+        return kind(text)
+
+
+def launched(**given: str) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Parameters that the launch file gives to the node for arguments of the command line, and how it starts it."""
+    entities = ("LaunchDescription", "DeclareLaunchArgument", "LaunchConfiguration", "Node")
+    made: dict[str, type] = {name: type(name, (LaunchEntity,), {}) for name in entities}
+    rooms = ("launch", "launch.actions", "launch.substitutions", "launch_ros.actions")
+    modules: dict[str, dict[str, Any]] = {
+        room: {name: made[name]} for room, name in zip(rooms, entities, strict=True)
+    }
+    modules["launch_ros.parameter_descriptions"] = {"ParameterValue": ParameterValue}
+    (actions,) = imported(LAUNCH, modules).generate_launch_description().given
+    declared = {one.given[0]: one.named["default_value"] for one in actions if one.given}
+    assert set(given) <= set(declared)
+    (node,) = (one for one in actions if isinstance(one, made["Node"]))
+    (parameters,) = node.named["parameters"]
+    arguments = declared | given
+    return {name: one.evaluated(arguments) for name, one in parameters.items()}, node.named
+
+
+def imported(file: Path, made: dict[str, dict[str, Any]]) -> Any:
+    """A module that is imported while the modules of ROS 2 have the given content."""
     before = dict(sys.modules)
     try:
         for name, content in made.items():
             for part in (name.rpartition(".")[0], name):
-                if part:
+                if part and part not in made.keys() & sys.modules.keys():
                     sys.modules[part] = types.ModuleType(part)
             for key, value in content.items():
                 setattr(sys.modules[name], key, value)
-        spec = importlib.util.spec_from_file_location("sensor_node", NODE)
+        spec = importlib.util.spec_from_file_location(file.name.partition(".")[0], file)
         assert spec is not None
         assert spec.loader is not None
         module = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(module)
     finally:
         for name in set(sys.modules) - set(before):
-            if name.split(".")[0] in ("rclpy", "tf2_ros") or name.endswith(
-                ("_msgs", "_msgs.msg", ".srv", "_srvs")
-            ):
+            if name.split(".")[0] in {one.split(".")[0] for one in made}:
                 del sys.modules[name]
     return module

@@ -2,30 +2,53 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
+from design.errors import OutputError
 from design.preset import preset
+from fabrication.driver.link.ports import FoundPort
 from fabrication.driver.recording.export import read_recorded
+from fabrication.driver.ros_fields import NodeClock, diagnosis
+from fabrication.driver.sensor import Sensor
 from fabrication.driver.simulated.finger import FingerPath
 from fabrication.driver.simulated.port import FakePort
+from fabrication.driver.stream import LinkCounts
+from fabrication.driver.touch_reader import TouchReader
 from fabrication.driver_config import dump_driver_config
 from fabrication.driver_file import load_driver_config
 from sims.learning.inference.model_file import save_model
 from tests.fabrication.driver.made_up_model import made_up_model
-from tests.fabrication.driver.made_up_pad import NAME, board, pad_config, untouched
-from tests.fabrication.ros2.stand_in import STORE, LifecycleNode, cdr, node_module
+from tests.fabrication.driver.made_up_pad import NAME, board, frame, pad_config, untouched
+from tests.fabrication.ros2.stand_in import (
+    PACKAGE,
+    STORE,
+    LifecycleNode,
+    Rclpy,
+    cdr,
+    launched,
+    node_module,
+)
 
 FINGER = FingerPath(
-    time_s=np.array([0.0, 2.0, 2.3, 4.0, 4.3, 60.0]),
+    time_s=np.array([0.0, 1.0, 1.3, 2.2, 2.5, 60.0]),
     press_mm=np.array([[16.0, 12.0, d] for d in (-3.0, -3.0, 2.0, 2.0, -3.0, -3.0)]),
 )
+SOON = FingerPath(
+    time_s=np.array([0.0, 0.4, 0.41, 60.0]),
+    press_mm=np.array([[16.0, 12.0, d] for d in (-3.0, -3.0, 2.0, 2.0)]),
+)
+HELD = FingerPath(time_s=np.array([0.0, 60.0]), press_mm=np.array([[16.0, 12.0, 2.0]] * 2))
+needs_pty = pytest.mark.skipif(os.name != "posix", reason="needs pseudo-terminals")
 LATE_MS = 10.0
 """Longest time from a frame's last conversion to the published touch, for 99 of 100 frames [ms]."""
 
@@ -38,6 +61,13 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     assert load_driver_config(folder / "driver.toml").digest == pad_config().digest
     save_model(folder / "pad.optomodel", made_up_model())
     return folder / "driver.toml", folder / "pad.optomodel"
+
+
+@pytest.fixture(autouse=True)
+def _quick_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The untouched pad is measured for 0.1 s in place of 0.5 s."""
+    monkeypatch.setitem(Sensor.__init__.__kwdefaults__, "baseline_s", 0.1)
+    monkeypatch.setitem(TouchReader.__init__.__kwdefaults__, "start_s", 0.1)
 
 
 @pytest.fixture
@@ -70,8 +100,7 @@ def test_a_life_cycle_publishes_frames_and_touches_as_ros_encodes_them(
         )
         assert node.on_configure(None) == "SUCCESS", node.log.lines
         assert set(node.topics) == {"frame", "touch", "sensor", "marker", "/diagnostics"}
-        node._report()
-        assert node.topics["/diagnostics"].messages[-1][1].status[0].message == "not open"
+        assert diagnosed(node).message == "not open"
         assert node.call("self_test").message == "the sensor is not open; activate the node"
         assert node.on_activate(None) == "SUCCESS"
         wait_for(lambda: len(node.topics["touch"].messages) > 50)
@@ -85,7 +114,7 @@ def test_a_life_cycle_publishes_frames_and_touches_as_ros_encodes_them(
         assert (again.success, "exists already" in again.message) == (False, True)
         assert node.on_deactivate(None) == "SUCCESS"
         assert node.on_cleanup(None) == "SUCCESS"
-        assert (node.topics, node.services, node.timers) == ({}, {}, [])
+        assert (node.topics, node.offered, node.timers) == ({}, {}, [])
     check_messages(node)
     recorded = read_recorded(tmp_path / "a.mcap")
     assert recorded.ended_cleanly
@@ -116,7 +145,7 @@ def check_messages(node: Any) -> None:
     assert node.transform.child_frame_id == "left_pad_top"
     assert node.transform.transform.translation.z == pytest.approx(0.008)
     kinds = [one.type for _, one in node.published["marker"].messages]
-    assert (kinds[0], set(kinds[1:])) == (1, {2})
+    assert (kinds[0], set(kinds[1:])) == (1, {1, 2})
 
 
 @pytest.mark.slow
@@ -181,10 +210,190 @@ def test_a_board_that_is_gone_is_an_error_in_the_diagnostics(
     assert node.on_configure(None) == "SUCCESS"
     node.on_activate(None)
     wait_for(lambda: bool(node._fault))
-    node._report()
-    status = node.topics["/diagnostics"].messages[-1][1].status[0]
+    status = diagnosed(node)
     assert (status.level, "gone" in status.message) == (b"\x02", True)
     assert node.on_deactivate(None) == "SUCCESS"
+
+
+def diagnosed(node: Any) -> Any:
+    """The next status of the sensor."""
+    node._report()
+    return node.topics["/diagnostics"].messages[-1][1].status[0]
+
+
+@needs_pty
+def test_a_board_that_was_unplugged_is_read_again_at_another_port_and_a_held_press_stays_one(
+    made: Callable[..., Any], files: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(LifecycleNode, "namespace", "/left")
+    here = []
+    monkeypatch.setattr("fabrication.driver.link.ports.ports_here", lambda: here)
+    node = made(config=str(files[0]), model=str(files[1]), port="serial:42", rate=200, patience=0.2)
+    assert node.on_configure(None) == "SUCCESS"
+    node.on_activate(None)
+    with FakePort(board(path=SOON)) as port:
+        here[:] = [FoundPort(name=port.name, usb_id="", title="", serial_number="42")]
+        frames, touches = node.topics["frame"].messages, node.topics["touch"].messages
+        wait_for(lambda: len(touches) > 0 and touches[-1][1].is_touched)
+        first = diagnosed(node)
+        assert (first.name, first.hardware_id) == (f"/left/sensor: {NAME}", "42")
+        assert {one.key: one.value for one in first.values}["digest"] == pad_config().digest
+        assert node.call("record", file=str(tmp_path / "a.optorec")).success
+        count = len(frames)
+        wait_for(lambda: len(frames) > count + 20)
+        node.log.lines.clear()
+        here.clear()
+    wait_for(lambda: bool(node.log.lines))
+    away, count = diagnosed(node), len(frames)
+    values = {one.key: one.value for one in away.values}
+    assert (away.level, values["rate_hz"], "serial:42" in away.message) == (b"\x02", "0.0", True)
+    assert float(values["silent_s"]) >= 0.2
+    assert [one.action for _, one in node.topics["marker"].messages][-2:] == [2, 0]  # no touch, and the body
+    assert not node.call("baseline").success
+    with FakePort(board(path=HELD)) as port:
+        here[:] = [FoundPort(name=port.name, usb_id="", title="", serial_number="42")]
+        wait_for(lambda: len(frames) > count + 20)
+        assert all(one.is_touched for _, one in touches[-10:])
+        wait_for(lambda: len(node.log.lines) > 1)
+        back = diagnosed(node)
+        assert (back.level, back.message) == (b"\x00", "reading")
+        assert {one.key: one.value for one in back.values}["reconnects"] == "1"
+        assert [one.connection for _, one in frames[count - 1 : count + 1]] == [1, 2]
+        assert len(node.log.lines) == 2
+        assert node.call("record", file="").success
+        node.on_deactivate(None)
+    assert set(read_recorded(tmp_path / "a.optorec").connection) == {1, 2}
+
+
+def test_another_board_in_the_place_of_the_first_has_its_untouched_pad_measured(
+    made: Callable[..., Any], files: tuple[Path, Path]
+) -> None:
+    """Its serial number tells; a board without one, as many copies, is taken for the same."""
+    node = made(config=str(files[0]))
+    for serial_number, is_new in (("42", False), ("", False), ("42", False), ("43", True), ("43", False)):
+        node._renew.clear()
+        node._find(SimpleNamespace(port="pad", serial_number=serial_number))
+        assert node._renew.is_set() == is_new
+    (line,) = node.log.lines
+    assert "43 after 42" in line
+
+
+def test_a_fault_of_the_node_s_own_ends_its_process_with_an_error(
+    files: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = node_module()
+
+    def fail(*_: object) -> None:
+        raise ZeroDivisionError
+
+    with FakePort(board()) as port:
+        given = {"config": str(files[0]), "port": port.name, "rate": 200.0, "autostart": True}
+        monkeypatch.setattr(LifecycleNode, "given", given)
+        monkeypatch.setattr(module.fields, "frame_message", fail)
+        assert module.main() == 1
+    (node,) = Rclpy.nodes
+    assert "ZeroDivisionError" in node.log.lines[-1]
+
+
+def test_a_failed_recording_does_not_end_the_frames(
+    made: Callable[..., Any], files: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with FakePort(board()) as port:
+        node = made(config=str(files[0]), port=port.name, rate=200.0)
+        node.on_configure(None)
+        node.on_activate(None)
+        frames = node.topics["frame"].messages
+        wait_for(lambda: len(frames) > 0)
+        with node._sensor._open._changed:
+            node._sensor._open._notice = OutputError("the disk is full")
+        count = len(frames)
+        wait_for(lambda: len(frames) > count + 20)
+        assert "the disk is full" in node.log.lines
+
+
+def test_parameters_may_be_written_in_any_type_that_yaml_makes_of_them(
+    made: Callable[..., Any], files: tuple[Path, Path]
+) -> None:
+    given, _ = launched(config=str(files[0]), rate="200", frame_id="1", patience="10", port="/dev/ttyACM3")
+    assert given == {
+        "config": str(files[0]),
+        "port": "/dev/ttyACM3",
+        "model": "",
+        "rate": 200.0,
+        "frame_id": "1",
+        "patience": 10.0,
+        "autostart": True,
+    }
+    for written in (given, {"config": str(files[0]), "rate": 200, "frame_id": 1, "patience": 10}):
+        node = made(**written)
+        assert node.on_configure(None) == "SUCCESS"
+        assert (node._frame_id, node._device._rate_hz, node._device.patience_s) == ("1", 200.0, 10.0)
+    fastest, _ = launched(config=str(files[0]), rate="0")
+    node = made(**fastest)
+    assert node.on_configure(None) == "SUCCESS"
+    assert node._device._rate_hz == 0.0
+    for name, wrong in (("rate", "fast"), ("rate", True), ("frame_id", True), ("patience", 0)):
+        node = made(**({"config": str(files[0])} | {name: wrong}))
+        assert node.on_configure(None) == "FAILURE"
+        assert name in node.log.lines[-1]
+
+
+def test_every_parameter_of_the_node_is_in_the_launch_file_and_in_the_example() -> None:
+    own = node_module().PARAMETERS
+    given, node = launched()
+    assert {name: type(value) for name, value in given.items()} == {n: type(v) for n, v in own.items()}
+    assert given == own | {"autostart": True}
+    assert node["respawn"]
+    example = yaml.safe_load((PACKAGE / "config" / "sensor.yaml").read_text())
+    assert example["/**"]["ros__parameters"] == own
+
+
+def test_the_boot_of_a_board_has_a_wait_of_its_own(
+    made: Callable[..., Any], files: tuple[Path, Path]
+) -> None:
+    node = made(config=str(files[0]), patience=0.5)
+    assert node.on_configure(None) == "SUCCESS"
+    assert node._device.patience_s == 0.5
+    assert node._device._opening_s > pad_config().board.boot_s + 2.0
+
+
+def test_all_stamps_are_of_the_simulation_if_its_time_is_used(
+    made: Callable[..., Any], files: tuple[Path, Path]
+) -> None:
+    with FakePort(board(path=SOON)) as port:
+        node = made(config=str(files[0]), model=str(files[1]), port=port.name, rate=200.0)
+        node.clock.simulated_s = 1000.0
+        node.on_configure(None)
+        node.on_activate(None)
+        touches = node.topics["touch"].messages
+        wait_for(lambda: len(touches) > 0 and touches[-1][1].is_touched)
+        node._report()
+        node.on_deactivate(None)
+    stamps = [node.transform.header.stamp]
+    for publisher in node.published.values():
+        stamps += [one.header.stamp for _, one in publisher.messages]
+    stamps += [one.arrived for _, one in node.published["frame"].messages]
+    seconds = np.array([one.sec + one.nanosec / 1e9 for one in stamps])
+    assert len(seconds) > 50
+    assert (np.abs(seconds - 1000.0) < 1.0).all()
+    frames = [one.header.stamp for _, one in node.published["frame"].messages]
+    assert (np.diff([one.sec + one.nanosec / 1e9 for one in frames]) >= 0.0).all()
+
+
+def test_times_of_frames_go_back_only_with_the_clock_of_the_simulation() -> None:
+    clock, now_s = NodeClock(), time.time()
+    frames = [replace(frame(np.zeros((9, 8))), began_s=now_s - age, host_s=now_s) for age in (0.01, 0.02)]
+    first, second = (clock.frame(one, 50.0) for one in frames)
+    assert first.began_s == second.began_s == pytest.approx(49.99, abs=0.009)
+    assert clock.frame(frames[0], 3.0).began_s == pytest.approx(2.99, abs=0.009)
+    assert clock.frame(frames[0], None) is frames[0]
+
+
+def test_lost_frames_are_a_warning_only_while_they_are_new() -> None:
+    old, new = LinkCounts(frames=10, lost=2), LinkCounts(frames=20, lost=3)
+    assert diagnosis(new, old, 200.0, 200.0, "")["message"] == "lost"
+    assert diagnosis(new, new, 200.0, 200.0, "")["message"] == "reading"
+    assert diagnosis(new, new, 100.0, 200.0, "")["message"] == "slow"
 
 
 def test_every_message_has_a_definition_that_ros_reads() -> None:

@@ -12,6 +12,7 @@ from xml.etree import ElementTree
 
 import pytest
 
+from fabrication.ros2 import __main__ as driver_alone
 from fabrication.ros2.messages import definition, names
 from optopad.cli import main
 
@@ -41,6 +42,17 @@ def src(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("ws") / "src"
     assert main(["driver", "ros2", "--out", str(folder)]) == 0
     return folder
+
+
+def test_the_driver_alone_writes_the_same_packages(
+    src: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert driver_alone.main([str(tmp_path)]) == 0
+    there = [{one.relative_to(folder) for one in folder.rglob("*")} for folder in (tmp_path, src)]
+    assert there[0] == there[1]
+    assert driver_alone.main([str(tmp_path)]) == 2
+    assert "optopad_msgs exists already" in capsys.readouterr().err
+    assert driver_alone.main([]) == 2
 
 
 def test_the_packages_are_whole(src: Path) -> None:

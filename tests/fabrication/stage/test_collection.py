@@ -7,11 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from design.errors import DeviceError, InputError
 from design.recordings import SetEntry
 from fabrication.stage.collection import Collector
 from fabrication.stage.stage import PressList, press_list, read_press_list
+from fabrication.stage.tip_path import NOWHERE, joined_path, leg
 from sims.readings.dataset import read_data
 from tests.fabrication.driver.made_up_pad import press_table
 from tests.fabrication.stage.made_up_bench import MIDDLE, bench
@@ -56,6 +58,50 @@ def test_every_position_is_pressed_and_read_and_the_signals_are_those_of_its_dep
     clear = light[0] < 900  # the others clip
     noise = 0.5 + 0.002 * light.max()  # of reading and light, see fake_board; twice for the dark state
     assert np.abs(data.signals() - light)[:, clear].max() < 6 * noise
+    require_path_of(out, made.printer.rides[1:])  # the first lifts the tip before the first press
+
+
+def require_path_of(file: Path, rides: list[tuple[np.ndarray, np.ndarray]]) -> None:
+    """The path in a file leads through all rides but the lift at the end, and rests where frames were taken."""
+    found = xr.load_dataset(file, engine="h5netcdf", decode_times=False)
+    time_s, host_s = found["move_time"].values, found["host_time"].values
+    path = np.stack([found[name].values for name in ("move_x", "move_y", "move_depth")], axis=1)
+    at_frames = np.stack([np.interp(host_s, time_s, axis) for axis in path.T], axis=1)
+    labels = [found[name].values for name in ("press_x", "press_y", "press_depth")]
+    assert at_frames == pytest.approx(np.stack(labels, axis=1), abs=1e-9)
+    way = np.linalg.norm(np.diff(path, axis=0), axis=1)
+    moved = np.flatnonzero(way > 0.02)
+    wanted = np.concatenate([ride for ride in rides[:-1] if np.ptp(ride, axis=0).max() > 0.02])
+    assert np.stack([path[moved], path[moved + 1]], axis=1).reshape(-1, 3) == pytest.approx(wanted, abs=0.011)
+    speed = np.where(
+        np.maximum(path[moved, 2], path[moved + 1, 2]) > -0.99, 100.0, 400.0
+    )  # slow near the pad
+    assert (np.diff(time_s) >= 0.0).all()
+    assert (np.diff(time_s)[moved] >= 0.95 * way[moved] / speed).all()
+
+
+def test_a_move_ends_with_its_report_and_takes_its_way_over_its_speed() -> None:
+    start, end = (1.0, 2.0, -1.0), (1.0, 2.0, 1.0)
+    assert leg(100.0, 100.5, start, end, 5.0) == [(100.1, *start), (100.5, *end)]  # held back for 0.1 s
+    assert leg(100.0, 100.3, start, end, 5.0) == [(100.0, *start), (100.3, *end)]  # faster than commanded
+    assert leg(100.0, 101.0, start, end, 5.0) == [
+        (100.0, *start),
+        (101.0, *end),
+    ]  # the printer limits its speed
+
+
+def test_a_path_is_unknown_where_a_part_of_it_is_lost() -> None:
+    first = np.array([[0.0, 1, 1, -5], [1.0, 1, 1, 2]])
+    run_on, lost = first + np.array([1.5, 0, 0, 7]), first + np.array([5.0, 0, 0, 0])
+    run_on[:, 3] = 2, -5
+    assert joined_path([run_on, first]) == pytest.approx(np.concatenate([first, run_on]))
+    found = joined_path([np.array([[-3.0, *NOWHERE]]), lost, np.empty((0, 4)), first])
+    assert found is not None
+    assert np.isnan(np.interp(3.0, found[:, 0], found[:, 3]))
+    assert np.interp([0.5, 5.5], found[:, 0], found[:, 3]) == pytest.approx([-1.5, -1.5])
+    assert np.isfinite(found[[0, -1]]).all()
+    assert joined_path([]) is None
+    assert joined_path([np.array([[5.0, 1, 1, -5], [1.0, 1, 1, 2]])]) is None  # the clock was set back
 
 
 @pytest.mark.slow
@@ -76,6 +122,9 @@ def test_a_collection_that_was_ended_early_goes_on_where_it_was(tmp_path: Path) 
             again.run(stage, again.remaining())
             assert again.finish(2).is_complete
     assert read_data(out).place_number.tolist() == [0] * 3 + [1] * 3 + [0] * 3
+    moves = xr.load_dataset(out, engine="h5netcdf", decode_times=False)
+    assert int(np.isnan(moves["move_depth"]).sum()) == 1  # between the runs
+    assert (moves["move_time"].diff("move") >= 0.0).all()
     assert not (tmp_path / "a.nc.parts").exists()
 
 

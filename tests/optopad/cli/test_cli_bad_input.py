@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -307,3 +309,29 @@ def test_a_printer_s_name_that_is_refused_leaves_no_link_of_the_board(
     _, err = refused(["driver", "fake", "piacenza2017-pair", *names, "--seconds", "0.1"], capsys)
     assert words in err
     assert everything_under(folder) == []
+
+
+def test_a_folder_without_the_right_to_look_into_it_is_one_line(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def denied(path: Path, **_: object) -> bool:
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr(Path, "exists", denied)
+    _, said = refused(["check", "there/a.toml"], capsys)
+    assert said == "optopad: there/a.toml: Permission denied; give another name\n"
+
+
+WARNS = """
+import importlib, warnings
+main = importlib.import_module("optopad.cli.main")
+main._outcome = lambda _: warnings.warn("of a library") or 0
+main.main()
+"""
+
+
+@pytest.mark.parametrize(("options", "is_shown"), [([], False), (["-W", "default"], True)])
+def test_a_warning_of_python_reaches_the_screen_only_if_asked_for(options: list[str], is_shown: bool) -> None:
+    here = {name: value for name, value in os.environ.items() if name != "PYTHONWARNINGS"}
+    run = subprocess.run([sys.executable, *options, "-c", WARNS], env=here, capture_output=True, check=True)
+    assert (b"of a library" in run.stderr) == is_shown

@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -167,6 +168,7 @@ def test_a_guessed_port_is_told_waited_for_and_sent_nothing(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("fabrication.driver.link.link.SAY_EVERY_S", 0.2)
+    monkeypatch.setattr("fabrication.driver.sensor.ANSWER_S", -2.0)  # less the boot time of 2.5 s
     (tmp_path / "presses.csv").write_text("x_mm,y_mm,depth_mm\n16,16,1\n")
     printer = printer_of("Marlin 2")
     command = ["driver", verb, config, *OPENING[verb], "--patience", "0.5"]
@@ -355,6 +357,17 @@ def test_a_layout_whose_numbers_do_not_fit_the_terminal_is_drawn_as_blocks(confi
     for size, cell in {(40, 40): "▀▀", (100, 8): "▀▀", (14, 40): "▀"}.items():
         rows = [line for line in drawn[size] if "▀" in line]
         assert rows == [f"{name.ljust(5)}{cell * 8}".ljust(len(rows[0])) for name in ("E1", "E3", "E5", "E7")]
+
+
+def test_a_live_view_says_below_the_last_frame_that_none_arrives(capsys: pytest.CaptureFixture[str]) -> None:
+    from optopad.cli.sensor import _drawn
+
+    gone: Any = SimpleNamespace(fault="pad: the port was lost")
+    _drawn(gone, iter(["first", "latest"]), lambda frame: f"the {frame} frame")
+    assert [line.strip() for line in capsys.readouterr().out.split("\n") if line] == [
+        "the latest frame",
+        "pad: the port was lost",
+    ]
 
 
 def test_a_still_pad_needs_no_light_of_presses(monkeypatch, capsys):

@@ -249,7 +249,7 @@ def test_a_port_that_only_a_serial_chip_speaks_for_is_asked_about(
         assert f"-P {made.name}" in notes.read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize(("content", "words"), [(None, "No such file"), ("\x7fELF", "no Intel HEX")])
+@pytest.mark.parametrize(("content", "words"), [(None, "no such file"), ("\x7fELF", "no Intel HEX")])
 def test_an_image_that_is_none_is_refused(content, words, tmp_path, capsys):
     file = tmp_path / "image"
     if content is not None:
@@ -338,8 +338,10 @@ def test_a_uf2_file_that_is_none_or_for_another_chip_is_refused(drives, tmp_path
     cut.write_bytes(cut.read_bytes()[:-1])
     short = uf2(tmp_path / "short.uf2")
     short.write_bytes(short.read_bytes()[:-512])
+    os.mkfifo(tmp_path / "pipe.uf2")
     for file, words in (
-        (tmp_path / "none.uf2", "No such file"),
+        (tmp_path / "none.uf2", "no such file"),
+        (tmp_path / "pipe.uf2", "a pipe or a device"),
         (short, "2 of its 3 blocks are there"),
         (cut, "not a UF2 file"),
         (uf2(tmp_path / "other.uf2", RP2350), "compiled for 0xe48bff59; the board RPI-RP2 takes 0xe48bff56"),

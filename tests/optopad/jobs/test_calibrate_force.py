@@ -10,12 +10,14 @@ import pytest
 import xarray as xr
 
 from design.errors import InputError
-from fabrication.driver.recording.force_log import read_force_log
+from fabrication.driver.recording.force_log import ForceLog, read_force_log
 from optopad.cli import main
 from optopad.jobs import calibration
 from optopad.jobs.calibration import _pressed_force
+from optopad.jobs.force_clock import force_clock
 from sims.learning.force_fit import fit_force
 from sims.learning.inference.header import ForceCurve, header_of_json
+from sims.learning.press_force import TipPath
 from tests.fabrication.driver.made_up_model import header
 from tests.sims.learning.test_force_fit import PAD, pressed
 
@@ -40,17 +42,67 @@ def write_log(file: Path, time_s: np.ndarray, force: np.ndarray, name: str = "fo
     return file
 
 
-def test_a_log_by_the_same_clock_and_by_another_gives_the_same_modulus(
+def test_a_log_by_the_same_clock_and_by_another_that_is_off_by_a_percent_gives_the_same_modulus(
     files: tuple[Path, Path], tmp_path: Path
 ) -> None:
     same = fit_force(PAD, *_pressed_force(files[0], read_force_log(files[1]), None))
     log = read_force_log(files[1])
-    other = read_force_log(
-        write_log(tmp_path / "other.csv", log.time_s - BEGUN_S + 17.3, log.force_n * 1e3, "force_mN")
-    )
+    own_s = 1.01 * (log.time_s - BEGUN_S) + 17.3
+    other = read_force_log(write_log(tmp_path / "other.csv", own_s, log.force_n * 1e3, "force_mN"))
     found = fit_force(PAD, *_pressed_force(files[0], other, "auto"))
     assert same.modulus_mpa == pytest.approx(0.8 * same.design_mpa, rel=0.003)
-    assert found.modulus_mpa == pytest.approx(same.modulus_mpa, rel=0.01)
+    assert found.modulus_mpa == pytest.approx(same.modulus_mpa, rel=0.001)
+    assert (same.time_constant_s, found.time_constant_s) == (None, None)
+
+
+def test_the_moves_that_collect_wrote_give_the_force_its_course(
+    files: tuple[Path, Path], tmp_path: Path
+) -> None:
+    dataset = xr.load_dataset(files[0], engine="h5netcdf")
+    names = ["host_time", "press_x", "press_y", "press_depth"]
+    rows = np.stack([dataset[name].values for name in names], axis=1)
+    bends = np.abs(np.diff(rows[:, 1:], n=2, axis=0)).max(axis=1) > 1e-6
+    corners = rows[np.flatnonzero(np.concatenate([[True], bends, [True]]))]
+    assert len(corners) < len(rows) / 5
+    earlier = corners - [1000.0, 0.0, 0.0, 0.0]
+    unknown = np.array([[corners[0, 0], np.nan, np.nan, np.nan]])
+    moves = np.concatenate([earlier, unknown, corners])  # two runs; the log is of the second
+    held = rows[:, 3] > 0.999 * rows[:, 3].max()
+    collected = xr.Dataset({name: ("time", rows[held, k]) for k, name in enumerate(names)})
+    for k, name in enumerate(("move_time", "move_x", "move_y", "move_depth")):
+        collected[name] = ("move", moves[:, k])
+    collected.to_netcdf(tmp_path / "collected.nc", engine="h5netcdf")
+    log = read_force_log(files[1])
+    same, found = (
+        fit_force(PAD, *_pressed_force(file, log, None)) for file in (files[0], tmp_path / "collected.nc")
+    )
+    assert found.modulus_mpa == pytest.approx(same.modulus_mpa, rel=0.003)
+
+
+def test_the_clock_is_found_under_a_drift_of_the_tare_and_of_the_clock() -> None:
+    time_s, press_mm, force_n = pressed(12, 0.7)
+    path = TipPath(time_s=time_s, press_mm=press_mm)
+    drift = 0.5 * force_n.max() * time_s / time_s[-1]
+    for rate in (0.0, 0.0005, 0.01):
+        log = ForceLog(file="cell.csv", time_s=(1.0 + rate) * time_s + 17.3, force_n=force_n + drift)
+        found = force_clock(path, log, "auto").at(log.time_s)
+        assert np.abs(found - time_s).max() < 0.3  # the fit refines it
+        with pytest.raises(InputError, match=r"negative when the tip presses.* negate the column"):
+            force_clock(path, ForceLog(file="cell.csv", time_s=log.time_s, force_n=-force_n), "auto")
+
+
+def test_a_force_in_grams_is_refused_before_the_light_is_fitted(
+    files: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log = read_force_log(files[1])
+    grams = write_log(tmp_path / "grams.csv", log.time_s, log.force_n / 9.80665e-3)
+    for name in ("read_data", "require_design", "data_notes"):
+        monkeypatch.setattr(calibration, name, lambda *_, **__: ())
+    monkeypatch.setattr(calibration, "calibrated", lambda *_, **__: pytest.fail("the light was fitted"))
+    with pytest.raises(InputError, match=r"81\.\d MPa, is 81\.\d times the design's.* is the force in grams"):
+        calibration.calibrate(
+            PAD, files[0], with_model=False, quick=True, seed=0, on_step=lambda *_: None, force=grams
+        )
 
 
 def test_logs_that_do_not_fit_are_refused_with_a_way_out(files: tuple[Path, Path], tmp_path: Path) -> None:

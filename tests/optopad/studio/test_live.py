@@ -190,6 +190,7 @@ def test_a_board_that_goes_is_told_and_read_again_when_it_is_back(bundles: Path,
         assert gone.status.startswith("no frames for 1 s: is the cable in? trying again (")
         assert gone.frames >= before.frames > 0
         assert gone.signals is not None
+        assert (gone.rate_hz, gone.touch) == (None, None)
         with FakePort(board(faults=faults_of(pad_config(), ["dead:E3"])), PtyWire(link)):
             back = waited(live, lambda view: view.is_reading)
             assert back.reconnects == 1

@@ -13,6 +13,7 @@ import numpy as np
 from sims.contact.indentation import solved_press
 from sims.contact.load_protocol import StandardLinearSolid, viscoelastic_load_n
 from sims.learning.force_fit import fit_force
+from sims.learning.press_force import TipPath
 from sims.plots.style import plain_style
 from tests.sims.learning.test_force_fit import PAD, TARE_N, pressed
 
@@ -23,7 +24,7 @@ SHOWN_S = 6.0
 def main() -> None:
     solid = StandardLinearSolid(relaxed_share=0.15, time_constant_s=1.0)
     time_s, press_mm, force_n = pressed(10, 0.7, solid, noise_n=0.02)
-    found = fit_force(PAD, time_s, press_mm, force_n)
+    found = fit_force(PAD, time_s, TipPath(time_s=time_s, press_mm=press_mm), force_n)
     assert found.time_constant_s is not None
     part = time_s < SHOWN_S
     at = press_mm[0, :2]

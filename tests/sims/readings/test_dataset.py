@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -11,6 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import h5netcdf
 import h5py
 import numpy as np
 import pytest
@@ -18,11 +20,13 @@ import xarray as xr
 
 from design.errors import InputError, OutputError
 from design.preset import preset
+from optopad.cli import main
 from sims.learning.samples import prepared
 from sims.readings.dataset import (
     DataWriter,
     PressData,
     SetEntry,
+    _numbers,
     clipped_note,
     header_of,
     joined,
@@ -30,6 +34,7 @@ from sims.readings.dataset import (
     require_design,
     save_data,
 )
+from sims.readings.label_checks import require_no_fill_values, require_possible_readings
 from sims.readings.recording import read_recording
 
 SETS = (
@@ -306,6 +311,108 @@ def test_a_reading_that_is_no_number_is_refused_with_its_sample(tmp_path: Path) 
     bad.to_netcdf(tmp_path / "bad.nc", engine="h5netcdf")
     with pytest.raises(InputError, match=r"bad\.nc: data: counts is not a number in 1 of 12 .* sample 5"):
         read_data(tmp_path / "bad.nc")
+
+
+FILLS = (-1.0, -999.0, 65535.0, -32767.0, 9.969209968386869e36)
+
+
+def held(**changes: tuple[int, float]) -> xr.Dataset:
+    """A data set in memory; a change is an index of a flat variable, and its new value there."""
+    data, by_time = made_up(), ("time",)
+    values = dict(zip(("press_x", "press_y", "press_depth"), data.press_mm.T, strict=True))
+    found = xr.Dataset(
+        {name: (by_time, value.copy()) for name, value in values.items()}
+        | {"counts": (("time", "state", "receiver"), data.counts.copy())},
+        {"state": list(data.state_names), "receiver": list(data.receiver_names)},
+        {"full_scale_counts": 1023.0},
+    )
+    for name, (at, value) in changes.items():
+        found[name].values.flat[at] = value
+    return found
+
+
+@pytest.mark.parametrize("fill", FILLS)
+def test_readings_that_no_converter_gives_are_refused_with_count_and_place(fill: float) -> None:
+    readings = made_up().counts.reshape(12, 9).copy()
+    readings[4, 5] = readings[9, 0] = fill
+    names = list("ABCDEFGHI")
+    told = rf"2 of 108 readings are outside 0 to 1023, the first is {re.escape(f'{fill:g}')} in F at time index 4"
+    with pytest.raises(InputError, match=told):
+        require_possible_readings(readings, names, 1023.0, slack=0.5)
+    if fill == -1.0:  # noise of a signal may be so
+        require_possible_readings(readings, names, None, slack=0.5)
+        return
+    with pytest.raises(InputError, match=r"A: 1 of 12 values are .* the first at time index 9"):
+        require_possible_readings(readings, names, None, slack=0.5)
+
+
+def test_readings_at_both_ends_of_the_converter_are_possible() -> None:
+    require_possible_readings(np.array([[0.0, 1023.0]]), ["A", "B"], 1023.0, slack=0.5)
+    require_no_fill_values({"A": np.array([65535.0, 60000.0, 20.0]), "B": np.array([-999.0, -900.0, 1e3])})
+    require_no_fill_values({"A": np.full(3, 65535)})  # saturated, at an unknown full scale
+    for gaps in (np.full(3, -32767), np.full(3, 9.97e36), np.array([1e300, 3.0, 2.0])):
+        with pytest.raises(InputError, match="time index 0"):
+            require_no_fill_values({"A": gaps})
+
+
+def test_a_gap_in_readings_or_presses_is_refused_by_every_reader(tmp_path: Path) -> None:
+    held(counts=(41, -999.0)).to_netcdf(tmp_path / "counts.nc", engine="h5netcdf")
+    held(press_depth=(3, -999.0)).to_netcdf(tmp_path / "depth.nc", engine="h5netcdf")
+    for read in (read_data, read_recording):
+        with pytest.raises(
+            InputError, match=r"counts\.nc: counts: 1 of 108 .* -999 in E2-R3 at time index 4"
+        ):
+            read(tmp_path / "counts.nc")
+        with pytest.raises(InputError, match=r"depth: 1 of 12 values .* the first at time index 3"):
+            read(tmp_path / "depth.nc")
+
+
+@pytest.mark.parametrize("gap", [np.nan, -1.0, 2.0**31 - 1, 9.97e36, 0.5])
+def test_a_frame_that_belongs_to_no_press_is_refused(gap: float) -> None:
+    values = np.where(np.arange(5) == 3, gap, 1.0)
+    with pytest.raises(
+        InputError, match=r"place: 1 of 5 values are no whole numbers from 0, .* time index 3"
+    ):
+        _numbers(xr.Dataset({"place": ("time", values)}), "place")
+
+
+@pytest.mark.slow
+def test_a_gap_is_refused_on_the_screen_by_every_command(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    held(counts=(41, -999.0)).to_netcdf(tmp_path / "bad.nc", engine="h5netcdf")
+    data, pad = str(tmp_path / "bad.nc"), "piacenza2017-pad"
+    model = ["--model", str(tmp_path / "none.optomodel")]
+    for command in (
+        ["train", data],
+        ["compare", pad, data],
+        ["calibrate", pad, data],
+        ["evaluate", data, *model],
+    ):
+        assert main(command) == 2, command
+        told = capsys.readouterr().err
+        assert "1 of 108 readings are outside 0 to 1023, the first is -999 in E2-R3" in told, command
+
+
+@pytest.mark.parametrize("kind", ["characters", "bytes", "text", "netCDF-3"])
+def test_names_with_blanks_at_the_end_are_read_however_they_are_stored(tmp_path: Path, kind: str) -> None:
+    names = {"state": ["E1  ", "E2  ", "off "], "receiver": ["R1", "R2", "R3"]}
+    file = tmp_path / "named.nc"
+    if kind == "characters":
+        held().drop_vars(list(names)).to_netcdf(file, engine="h5netcdf")
+        with h5netcdf.File(file, "a") as stored:
+            stored.dimensions["characters"] = 4
+            for name, texts in names.items():
+                made = stored.create_variable(name, (name, "characters"), dtype="S1")
+                made[:] = np.array([list(text.ljust(4)) for text in texts], dtype="S1")
+    else:
+        of_type = object if kind == "text" else "S4"
+        named = held().assign_coords({name: np.array(texts, dtype=of_type) for name, texts in names.items()})
+        named.to_netcdf(file, engine="scipy" if kind == "netCDF-3" else "h5netcdf")
+    found = read_data(file)
+    assert found.state_names == ("E1", "E2", "off")
+    assert found.receiver_names == RECEIVERS
+    np.testing.assert_array_equal(found.counts, made_up().counts)
 
 
 @pytest.mark.parametrize("gone", ["press_x", "press_depth", "receiver", "counts"])

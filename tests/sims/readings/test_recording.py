@@ -258,3 +258,26 @@ def test_the_press_is_simulated_at_the_place_of_the_recording(tmp_path):
     assert beside.simulated.curves.press_mm == (10.0, 12.5)
     # a tip beside the chord blocks less: more light is left at full depth
     assert beside.simulated.curves.total[-1] > 2 * centred.simulated.curves.total[-1]
+
+
+@pytest.mark.parametrize("fill", [-999.0, 65535.0, 9.969209968386869e36])
+def test_a_gap_in_a_table_is_refused_with_its_place(tmp_path, fill):
+    signal = 800.0 * ratio_at(DEPTH_MM)
+    signal[7] = fill
+    file = csv_of(tmp_path, {"depth_mm": DEPTH_MM, "E2-R2": signal})
+    with pytest.raises(InputError, match=r"E2-R2: 1 of .* values are .* the first at time index 7"):
+        read_recording(file)
+
+
+def test_lengths_in_any_spelling_are_read(tmp_path):
+    place = np.ones(len(DEPTH_MM))
+    columns = {
+        "Depth (mm)": DEPTH_MM,
+        "X [cm]": place,
+        "y_m": 0.01 * place,
+        "E2-R2": 800.0 * ratio_at(DEPTH_MM),
+    }
+    found = read_recording(csv_of(tmp_path, columns))
+    assert found.depth_mm == pytest.approx(DEPTH_MM, abs=1e-6)
+    assert found.place_mm is not None
+    assert found.place_mm == pytest.approx(10.0)

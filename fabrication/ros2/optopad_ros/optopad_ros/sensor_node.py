@@ -1,10 +1,24 @@
-"""Publish frames and touches of an optical touch pad, as a lifecycle node."""
+"""
+Publish frames and touches of an optical touch pad, as a lifecycle node.
 
+A board that was unplugged is looked for until it is back, also under another name of its port.
+The log has one line at its loss and one at its return, /diagnostics an error in between. Baseline
+and untouched signals of before are kept, because the pad may be touched at its return; a board
+with another serial number has another pad, which must be untouched then.
+"""
+
+from collections import deque
+from dataclasses import replace
 from pathlib import Path
+import sys
 from threading import Event
 from threading import Thread
+import time
+import traceback
 
+from design.errors import DeviceError
 from design.errors import OptopadError
+from design.errors import OutputError
 from diagnostic_msgs.msg import DiagnosticArray
 from diagnostic_msgs.msg import DiagnosticStatus
 from diagnostic_msgs.msg import KeyValue
@@ -15,11 +29,16 @@ from optopad_msgs.msg import Frame
 from optopad_msgs.msg import Sensor
 from optopad_msgs.msg import Touch
 from optopad_msgs.srv import Record
+from rcl_interfaces.msg import ParameterDescriptor
 import rclpy
+from rclpy.clock import Clock
+from rclpy.clock import ClockType
+from rclpy.executors import ExternalShutdownException
 from rclpy.lifecycle import LifecycleNode
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.qos import DurabilityPolicy
 from rclpy.qos import QoSProfile
+from rclpy.task import Future
 from std_srvs.srv import Trigger
 from tf2_ros.static_transform_broadcaster import StaticTransformBroadcaster
 from visualization_msgs.msg import Marker
@@ -31,8 +50,12 @@ PARAMETERS = {
     'rate': -1.0,
     'frame_id': 'optopad',
     'patience': 3.0,
+    'autostart': False,
 }
 DIAGNOSTICS_S = 1.0
+RECENT_REPORTS = 10  # frames lost within these are a warning
+LOOK_S = 0.2  # longest time without a look at requests
+AGAIN_S = 1.0  # between two attempts to open the sensor
 CLOSING_S = 5.0
 
 
@@ -42,18 +65,33 @@ class SensorNode(LifecycleNode):
 
     Topics: frame, touch, sensor (kept for late subscribers), marker, /diagnostics.
     Services: baseline, self_test, record.
+    All stamps are times of the node's clock. The future `failed` is done when the node's thread
+    has ended by a fault of its own; the process must then end, so that it can be started again.
     """
 
     def __init__(self, name='sensor', **options):
         super().__init__(name, **options)
+        self._patience_s = PARAMETERS['patience']
         for parameter, value in PARAMETERS.items():
-            self.declare_parameter(parameter, value)
+            self.declare_parameter(
+                parameter, value, ParameterDescriptor(dynamic_typing=True))  # rate: 200, too
+        self.failed = Future()
         self._over = Event()
         self._renew = Event()
         self._thread = None
         self._sensor = None
         self._recorder = None
-        self._fault = ''
+        self._clear()
+
+    def start(self):
+        """Configure and activate the node if the parameter `autostart` is true."""
+        try:
+            is_wanted = self._value('autostart')
+        except OptopadError as err:
+            self.get_logger().error(str(err))
+            return
+        if is_wanted and self.trigger_configure() == TransitionCallbackReturn.SUCCESS:
+            self.trigger_activate()
 
     def on_configure(self, state):
         """Read the driver file and the model, and create topics and services."""
@@ -68,20 +106,21 @@ class SensorNode(LifecycleNode):
         self._sensors = self.create_publisher(Sensor, 'sensor', kept)
         self._markers = self.create_publisher(Marker, 'marker', kept)
         self._status = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
-        self._services = [
+        self._offered = [
             self.create_service(Trigger, 'baseline', self._take_baseline),
             self.create_service(Trigger, 'self_test', self._self_test),
             self.create_service(Record, 'record', self._record),
         ]
         self._transforms = StaticTransformBroadcaster(self)
-        self._timer = self.create_timer(DIAGNOSTICS_S, self._report)
+        self._timer = self.create_timer(
+            DIAGNOSTICS_S, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._describe()
         return TransitionCallbackReturn.SUCCESS
 
     def on_activate(self, state):
         """Open the sensor and publish in a thread of its own."""
         self._over.clear()
-        self._fault = ''
+        self._clear()
         self._thread = Thread(target=self._run, name='optopad sensor node', daemon=True)
         self._thread.start()
         return super().on_activate(state)
@@ -89,13 +128,14 @@ class SensorNode(LifecycleNode):
     def on_deactivate(self, state):
         """Stop the sensor and close its port."""
         self._stop()
+        self._clear()
         return super().on_deactivate(state)
 
     def on_cleanup(self, state):
         """Remove topics and services."""
         self._stop()
         self.destroy_timer(self._timer)
-        for service in self._services:
+        for service in self._offered:
             self.destroy_service(service)
         publishers = (self._frames, self._touches, self._sensors, self._markers, self._status)
         for publisher in publishers:
@@ -107,8 +147,21 @@ class SensorNode(LifecycleNode):
         self._stop()
         return TransitionCallbackReturn.SUCCESS
 
+    def _clear(self):
+        """Forget what was known of an earlier activation."""
+        self._renew.clear()
+        self._fault = ''
+        self._lost_at = None
+        self._serial_number = ''
+        self._is_shown = False
+        self._counts = deque(maxlen=RECENT_REPORTS)
+        self._node_clock = fields.NodeClock()
+
     def _value(self, name):
-        return self.get_parameter(name).value
+        return fields.parameter(name, self.get_parameter(name).value, PARAMETERS[name])
+
+    def _now_s(self):
+        return self.get_clock().now().nanoseconds / 1e9
 
     def _open_files(self):
         if not self._value('config'):
@@ -116,93 +169,167 @@ class SensorNode(LifecycleNode):
         where = Path(self._value('config'))
         inside = where / 'fabrication' / 'driver.toml'
         rate, model = self._value('rate'), self._value('model')
-        self._frame_id = self._value('frame_id')
+        self._frame_id, self._patience_s = self._value('frame_id'), self._value('patience')
         self._device = optopad.Sensor(
             inside if where.is_dir() else where,
             self._value('port') or None,
             rate_hz=None if rate < 0.0 else rate,
-            patience_s=self._value('patience'),
+            patience_s=self._patience_s,
             gather_s=0.0,
-            on_wait=self.get_logger().info,
+            on_wait=self._wait,
         )
         self._model = optopad.load_model(model) if model else None
         if self._model is not None:
             optopad.TouchReader(self._device, self._model)  # refuses a model of another design
 
     def _describe(self):
-        began_s = self.get_clock().now().nanoseconds / 1e9
-        said = fields.sensor_message(self._device.config, began_s)
+        now_s = self._now_s()
+        said = fields.sensor_message(self._device.config, now_s)
         said['header']['frame_id'] = self._frame_id
         self._sensors.publish(fields.filled(Sensor(), said))
         self._transforms.sendTransform(fields.filled(
-            TransformStamped(), fields.top_frame(self._device.descriptor, self._frame_id)))
-        self._mark(None, began_s)
+            TransformStamped(),
+            fields.top_frame(self._device.descriptor, self._frame_id, now_s)))
+        self._mark_body()
 
     def _run(self):
         try:
-            with self._device as sensor:
-                self._sensor = sensor
-                if self._model is None:
-                    self._publish_frames(sensor)
-                else:
-                    self._publish_touches(sensor)
-        except OptopadError as err:
-            self._fault = str(err)
-            self.get_logger().error(self._fault)
-        finally:
-            if not self._over.is_set():
-                self._fault = self._fault or 'the thread that reads the sensor has ended'
-            self._sensor = self._recorder = None
+            while not self._over.is_set():
+                try:
+                    self._read()
+                except OutputError as err:
+                    self.get_logger().error(str(err))
+                except OptopadError as err:
+                    self._lose(str(err))
+                    self._over.wait(AGAIN_S)
+        except Exception as err:  # our own fault: the process ends, and can be started again
+            if self._over.is_set() or not self.context.ok():
+                return  # ROS has ended under a message that was being sent
+            self._fault = f'{type(err).__name__}: {err}'
+            self.get_logger().fatal(f'ends by a fault of its own: {traceback.format_exc()}')
+            self.failed.set_result(err)
 
-    def _publish_frames(self, sensor):
-        for frame in sensor:
-            self._publish_frame(frame)
-            if self._over.is_set():
-                return
-            if self._renew.is_set():
-                self._renew.clear()
-                sensor.take_baseline()
+    def _read(self):
+        """Open the sensor and publish until the node is deactivated."""
+        with self._device as sensor:
+            self._sensor = sensor
+            try:
+                reader = None if self._model is None else optopad.TouchReader(sensor, self._model)
+                while not self._over.is_set():
+                    try:
+                        self._publish(sensor, reader)
+                    except OutputError as err:  # the recording has ended; the frames continue
+                        self._recorder = None
+                        self.get_logger().error(str(err))
+                    except DeviceError:  # the driver goes on looking for the board
+                        self._over.wait(LOOK_S)
+                    self._look(sensor)
+            finally:
+                self._sensor = self._recorder = None
 
-    def _publish_touches(self, sensor):
-        reader = optopad.TouchReader(sensor, self._model)
-        was_touched = False
-        for touch in reader:
-            message = fields.touch_message(touch, self._frame_id)
-            self._touches.publish(fields.filled(Touch(), message))
-            self._publish_frame(touch.frame)
-            if touch.is_touched or was_touched:
-                self._mark(touch, touch.frame.began_s)
-            was_touched = touch.is_touched
-            if self._over.is_set():
-                return
-            if self._renew.is_set():
-                self._renew.clear()
+    def _publish(self, sensor, reader):
+        """Publish what arrives within `LOOK_S`."""
+        if self._renew.is_set():
+            self._renew.clear()
+            sensor.take_baseline()
+            if reader is not None:
                 reader.restart()
+        found = sensor.frames if reader is None else reader.touches
+        for read in found(seconds=LOOK_S):
+            if self._over.is_set():
+                return
+            frame = self._on_clock(read if reader is None else read.frame)
+            if reader is not None:
+                self._publish_touch(replace(read, frame=frame))
+            self._publish_frame(frame)
+
+    def _on_clock(self, frame):
+        is_simulated = self.get_clock().ros_time_is_active
+        return self._node_clock.frame(frame, self._now_s() if is_simulated else None)
+
+    def _publish_touch(self, touch):
+        message = fields.touch_message(touch, self._frame_id)
+        self._touches.publish(fields.filled(Touch(), message))
+        if touch.is_touched or self._is_shown:
+            self._mark(fields.marker(
+                self._device.descriptor, touch, self._frame_id, touch.frame.began_s))
+        self._is_shown = touch.is_touched
+
+    def _look(self, sensor):
+        """Note whether frames arrive."""
+        fault = sensor.fault
+        if fault:
+            if self._is_shown:
+                self._is_shown = False
+                self._mark(fields.no_touch_marker(self._frame_id, self._now_s()))
+            if sensor.silent_s >= sensor.patience_s:
+                self._lose(fault, sensor.silent_s)
+        elif sensor.counts.frames:
+            self._find(sensor)
+
+    def _lose(self, fault, silent_s=0.0):
+        if self._lost_at is None and not self._over.is_set():
+            self._lost_at = time.monotonic() - silent_s
+            self.get_logger().error(f'{fault}; waiting for the board')
+        self._fault = fault
+
+    def _find(self, sensor):
+        if self._lost_at is not None:
+            lost_s = time.monotonic() - self._lost_at
+            self.get_logger().info(f'{sensor.port}: reading again after {lost_s:.0f} s')
+            self._lost_at, self._fault = None, ''
+        before, now = self._serial_number, sensor.serial_number
+        self._serial_number = now or before
+        if before and now and now != before:
+            self.get_logger().warning(
+                f'{sensor.port}: another board, {now} after {before}; its pad must be untouched')
+            self._renew.set()
+
+    def _wait(self, line):
+        """Log the progress of the first opening; called by the driver."""
+        if self._over.is_set():
+            raise DeviceError('closed while the board was looked for')
+        if self._lost_at is None:
+            self.get_logger().info(line)
 
     def _publish_frame(self, frame):
         self._frames.publish(fields.filled(Frame(), fields.frame_message(frame, self._frame_id)))
 
-    def _mark(self, touch, began_s):
-        shown = fields.marker(self._device.descriptor, touch, self._frame_id, began_s)
+    def _mark_body(self):
+        self._mark(fields.marker(
+            self._device.descriptor, None, self._frame_id, self._now_s()))
+
+    def _mark(self, shown):
         self._markers.publish(fields.filled(Marker(), shown))
 
     def _stop(self):
         self._over.set()
         if self._thread is not None:
-            self._thread.join(self._value('patience') + CLOSING_S)
+            self._thread.join(self._patience_s + CLOSING_S)
             self._thread = None
 
     def _report(self):
-        sensor = self._sensor
+        sensor, config = self._sensor, self._device.config
+        counts = None if sensor is None else sensor.counts
         found = fields.diagnosis(
-            None if sensor is None else sensor.counts,
+            counts,
+            self._counts[0] if self._counts else None,
             None if sensor is None else sensor.rate_hz,
             self._device.descriptor.required_rate_hz,
-            self._fault,
+            self._fault or ('' if sensor is None else sensor.fault),
         )
+        self._counts.extend([] if counts is None else [counts])
+        port = self._value('port') if sensor is None else sensor.port
+        found['values'] |= {
+            'design': config.design,
+            'digest': config.digest,
+            'port': port,
+            'serial_number': self._device.serial_number,
+            'silent_s': '-' if sensor is None else f'{sensor.silent_s:.1f}',
+        }
         status = DiagnosticStatus()
-        status.name = f'{self.get_name()}: {self._device.config.design}'
-        status.hardware_id = self._device.config.digest[:8]
+        status.name = f'{self.get_fully_qualified_name()}: {config.design}'
+        status.hardware_id = self._device.serial_number or port
         status.level = bytes([found['level']])
         status.message = found['message']
         for key, value in found['values'].items():
@@ -211,6 +338,8 @@ class SensorNode(LifecycleNode):
         report.header.stamp = self.get_clock().now().to_msg()
         report.status.append(status)
         self._status.publish(report)
+        if not self._is_shown:
+            self._mark_body()  # for RViz, if it was started after the node
 
     def _answer(self, response, work):
         sensor = self._sensor
@@ -224,6 +353,8 @@ class SensorNode(LifecycleNode):
 
     def _take_baseline(self, request, response):
         def renewed(sensor):
+            if sensor.fault:
+                raise OptopadError(sensor.fault)
             self._renew.set()
             return 'taken from the next half second; leave the pad untouched'
 
@@ -252,18 +383,20 @@ class SensorNode(LifecycleNode):
 
 
 def main(args=None):
-    """Run the node until it is interrupted."""
+    """Run the node until it is interrupted or fails; return 1 if it failed."""
     rclpy.init(args=args)
     node = SensorNode()
     try:
-        rclpy.spin(node)
-    except KeyboardInterrupt:
+        node.start()
+        rclpy.spin_until_future_complete(node, node.failed)
+    except (KeyboardInterrupt, ExternalShutdownException):
         pass
     finally:
         node.on_shutdown(None)
         node.destroy_node()
         rclpy.try_shutdown()
+    return int(node.failed.done())
 
 
 if __name__ == '__main__':
-    main()
+    sys.exit(main())
