@@ -98,9 +98,10 @@ PACKAGES = (
     Package("cadquery", "cadquery", "2.8"),
     Package("h5netcdf", "h5netcdf", "1.6"),
     Package("h5py", "h5py", "3.12"),
+    Package("lz4", "lz4.frame", "4.3"),
     Package("manifold3d", "manifold3d", "3.1"),
     Package("matplotlib", "matplotlib.path", "3.10"),  # compiled, and builds no font list
-    Package("mcap", "mcap", "1.2"),
+    Package("mcap", "mcap", "1.5"),
     Package("mcap-ros2-support", "mcap_ros2", "0.5"),
     Package("mujoco", "mujoco", "4.0"),
     Package("numba", "numba", "0.61"),
@@ -117,6 +118,7 @@ PACKAGES = (
     Package("trimesh", "trimesh", "4.6"),
     Package("typer", "typer", "0.15"),
     Package("xarray", "xarray", "2025.1"),
+    Package("zstandard", "zstandard", "0.21"),
 )
 
 SYSTEM_LIBRARIES = {

@@ -167,7 +167,9 @@ def _moves(dataset: xr.Dataset) -> TipPath:
     A press around which a part of the path is unknown has a gap there, so no force is fitted to it.
     """
     knots = np.stack([np.asarray(dataset[name].values, dtype=np.float64) for name in MOVES], axis=1)
-    moves = (np.diff(knots[:, 1:], axis=0) != 0.0).any(axis=1) & np.isfinite(knots[1:] + knots[:-1]).all(axis=1)
+    moves = (np.diff(knots[:, 1:], axis=0) != 0.0).any(axis=1) & np.isfinite(knots[1:] + knots[:-1]).all(
+        axis=1
+    )
     parts = np.where(moves, np.ceil(np.diff(knots[:, 0]) / MOVE_STEP_S), 1.0).astype(np.int64).clip(1)
     ends = np.concatenate([[0], np.cumsum(parts)])
     place = np.arange(ends[-1] + 1)

@@ -33,7 +33,7 @@ def test_inference_loads_numpy_and_the_standard_library_only():
     loaded, ours = (json.loads(line) for line in done.stdout.splitlines())
     assert set(loaded) - set(sys.stdlib_module_names) == {"numpy", "sims", "design"}
     inside = [name for name in ours if name.startswith("sims.learning.inference")]
-    of_design = {f"design.{name}" for name in ("arrays", "errors", "files", "plain_arrays")}
+    of_design = {f"design.{name}" for name in ("arrays", "errors", "file_sets", "files", "plain_arrays")}
     assert set(ours) - set(inside) == of_design | {"design", "sims", "sims.learning"}
 
 
