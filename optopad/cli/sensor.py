@@ -588,7 +588,7 @@ def export(
         typer.Option(
             "--presses",
             metavar="CSV",
-            help="Positions of the tip: t_s (the board's clock), x_mm, y_mm, depth_mm.",
+            help="Positions of the tip, repeated: t_s (the board's clock), x_mm, y_mm, depth_mm.",
         ),
     ] = None,
     stage: Annotated[
@@ -653,7 +653,12 @@ def export(
         found = read_recorded(recording, path, topic, press_topic, with_presses=log is None, on_step=step)
         join = None if log is None else joined(found, log, shift)
         found = found if join is None else join.recorded
-        told.append((recording, *_told(found, join)))
+        document, lines = _told(found, join)
+        if path is not None and (rounds := float(found.device_s.max()) / max(path.time_s[-1], 1e-9)) > 1.0:
+            lines.append(
+                f"presses   the path of {path.time_s[-1]:g} s was repeated, {rounds:.3g} times in all"
+            )
+        told.append((recording, document, lines))
         return found
 
     with progress(quiet=as_json or not sys.stderr.isatty()) as step:
@@ -705,8 +710,9 @@ def _require_one_result(
     for number, name in enumerate(names):
         if name in names[:number]:
             raise InputError(f"{recordings[number]}: is given twice; give each recording once")
-    if os.path.realpath(target) in names:
-        raise InputError(f"--out {target}: is the recording itself; choose another name")
+    result = os.path.realpath(target)
+    if result in names or os.path.dirname(result) in names:
+        raise InputError(f"--out {target}: is the recording itself, or in its folder; choose another name")
 
 
 def _told(found: Recorded, join: JoinedLog | None) -> tuple[dict[str, Any], list[str]]:

@@ -352,7 +352,8 @@ def _files(file: Path) -> list[Path]:
 
 def _files_of_folder(folder: Path) -> Iterator[Path]:
     try:
-        names = sorted((name for name in os.listdir(folder) if _is_bag_file(name)), key=_natural)
+        found = (name for name in os.listdir(folder) if _is_bag_file(name))
+        names = sorted((name for name in found if not os.path.isdir(folder / name)), key=_natural)
     except OSError as err:
         raise InputError(f"{folder}: cannot be read: {err.strerror or err}; name the right folder") from None
     listed = _listed(folder / METADATA, names)

@@ -34,12 +34,26 @@ class PressLabels:
     set_number : index of the set in `sets`, shape (n,); None if unknown
     place_number : number of the press within its set, shape (n,); None if unknown
     sets : the sets of presses
+
+    Raises
+    ------
+    InputError : a position is not a finite number.
     """
 
     press_mm: FloatArray
     set_number: IntArray | None = None
     place_number: IntArray | None = None
     sets: tuple[SetEntry, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Refuse positions that are not finite numbers."""
+        bad = np.flatnonzero(~np.isfinite(self.press_mm).all(axis=1))
+        if len(bad):
+            x_mm, y_mm, depth_mm = self.press_mm[bad[0]]
+            raise InputError(
+                f"the press of {len(bad)} of {len(self.press_mm)} frames is not finite, first of frame {bad[0] + 1}: "
+                f"{x_mm:g}, {y_mm:g}, {depth_mm:g} mm; correct it, or drop these frames"
+            )
 
     def only(self, kept: BoolArray) -> PressLabels:
         """The presses of the frames for which `kept` is True, with all sets."""

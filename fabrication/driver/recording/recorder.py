@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import math
 import os
 import threading
 import time
@@ -11,7 +12,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, TYPE_CHECKING
 
-from design.errors import OutputError
+from design.errors import InputError, OutputError
 from design.files import require_suffix
 from fabrication.driver.recording.mcap_file import MCAP_SUFFIX, mcap_sink
 from fabrication.driver.recording.raw import END, PRESS, SUFFIX, RawSink, Record, RecordKind, Sink
@@ -113,8 +114,14 @@ class Recorder:
 
         Raises
         ------
+        InputError : a coordinate is not a finite number.
         OutputError : the recording has failed earlier.
         """
+        if not all(map(math.isfinite, (x_mm, y_mm, depth_mm))):
+            raise InputError(
+                f"press: x, y, depth are {x_mm:g}, {y_mm:g}, {depth_mm:g} mm, needs finite numbers; for the untouched "
+                "pad give a depth of 0 or less"
+            )
         content = PRESS.pack(x_mm, y_mm, depth_mm)
         now_s = time.time() if host_s is None else host_s
         self._append(Record(kind=RecordKind.PRESS, host_s=now_s, content=content))

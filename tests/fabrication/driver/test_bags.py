@@ -457,6 +457,7 @@ def test_folders_named_like_files_and_unreadable_files_are_read_or_refused_in_on
     assert_right(read_recorded(tmp_path / "x.mcap"))
     (tmp_path / "loop.mcap").symlink_to(tmp_path / "loop.mcap")
     (tmp_path / "folder.mcap").mkdir()
+    (tmp_path / "x.mcap" / "y.mcap").mkdir()  # a folder within a bag is no file of it
     design = "piacenza2017-pad"
     for name in ("loop.mcap", "folder.mcap", "missing.mcap"):
         for arguments in (
@@ -468,6 +469,9 @@ def test_folders_named_like_files_and_unreadable_files_are_read_or_refused_in_on
             said = capsys.readouterr().err
             assert (name in said, said.count("\n")) == (True, 1), said
     monkeypatch.chdir(tmp_path / "x.mcap")
+    before = (tmp_path / "x.mcap" / "x_0.mcap").read_bytes()
+    assert main(["driver", "export", ".", "--out", "x_0.mcap"]) == 2
+    assert (tmp_path / "x.mcap" / "x_0.mcap").read_bytes() == before
     assert main(["driver", "export", "."]) == 0
     assert (tmp_path / "x.nc").exists()
 

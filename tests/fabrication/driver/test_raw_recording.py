@@ -25,6 +25,7 @@ from fabrication.driver.link.protocol import FrameFormat, pack_frames
 from fabrication.driver.recording import export, mcap_file, raw
 from fabrication.driver.recording import recorder as recorder_module
 from fabrication.driver.recording.export import read_recorded, write_csv, write_netcdf
+from fabrication.driver.recording.press_labels import PressLabels
 from fabrication.driver.recording.raw import PRESS, RecordKind, packed_record, read_records
 from fabrication.driver.recording.recorder import Recorder
 from fabrication.driver.simulated.finger import FingerPath
@@ -547,3 +548,12 @@ def test_a_recording_of_nothing_but_strange_records_is_refused(tmp_path: Path) -
         recorder.frame(b"short", 1.0)
     with pytest.raises(InputError, match="holds no whole frame"):
         read_recorded(file)
+
+
+def test_a_press_that_is_no_number_is_refused_where_it_is_set_and_where_it_is_read(tmp_path: Path) -> None:
+    with Recorder(tmp_path / "a.optorec", pad_config()) as recorder:
+        with pytest.raises(InputError, match="nan mm, needs finite numbers"):
+            recorder.press(16.0, 16.0, float("nan"))
+        recorder.press(16.0, 16.0, -1.0)
+    with pytest.raises(InputError, match="1 of 2 frames is not finite, first of frame 2"):
+        PressLabels(press_mm=np.array([[16.0, 16.0, 1.0], [16.0, 16.0, np.inf]]))
