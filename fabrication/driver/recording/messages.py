@@ -24,7 +24,6 @@ from fabrication.driver.recording.bag_file import Channel
 from fabrication.driver.recording.mcap_file import FRAME, NS_PER_S, PRESS
 from fabrication.ros2.messages import definition, names
 
-Content = "bytes | memoryview"
 ROS2 = "ros2msg"
 HEAD_BYTES = 4
 LITTLE_ENDIAN = b"\x00\x01"
