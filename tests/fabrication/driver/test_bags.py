@@ -241,6 +241,45 @@ def test_a_node_that_restarts_begins_a_new_connection(tmp_path: Path) -> None:
         assert_equal(found, read_recorded(tmp_path / "again.mcap"))
 
 
+def test_a_press_labels_no_frame_of_another_recording_in_the_folder(tmp_path: Path) -> None:
+    more, truth = session(51.0, seed=2)
+    late = [one for one in more if one.kind != PRESS][:1] + more[10:]
+    number = sum(one.kind == FRAME for one in more[1:10])
+    bare = [one for one in more if one.kind != PRESS]
+    both = np.concatenate([TRUTH, truth])
+    for name, parts, count in (
+        ("without presses", {"a_1": EVENTS, "a_2": bare}, len(TRUTH)),
+        ("with later ones", {"a_1": EVENTS, "a_2": late}, 2 * len(TRUTH) - number - 1),
+        ("without any before", {"a_1": later(bare, -260.0), "a_2": EVENTS}, len(TRUTH)),
+    ):
+        for part, events in parts.items():
+            write_bag(tmp_path / name / f"{part}.mcap", (events, TOPICS))
+        found = read_recorded(tmp_path / name)
+        if name == "without any before":
+            assert set(found.connection) == {2}
+            found = replace(found, connection=found.connection - 1)
+        assert_right(found, both, count=count)
+        assert (found.left_out > 0, f"{found.left_out} left out" in found.losses) == (True, True)
+    presses = [one for one in EVENTS if one.kind == PRESS]
+    always = [*presses, replace(presses[-1], log_s=more[-1].log_s + 1.0)]
+    for part, events in (("p", always), ("a_1", [e for e in EVENTS if e.kind != PRESS]), ("a_2", bare)):
+        write_bag(tmp_path / "robot" / f"{part}.mcap", (events, TOPICS))
+    held = np.concatenate([TRUTH, np.broadcast_to(TRUTH[-1], TRUTH.shape)])
+    assert_right(read_recorded(tmp_path / "robot"), held)
+    assert_right(read_recorded(write_bag(tmp_path / "one.mcap", ([*EVENTS, *bare], TOPICS))), held)
+
+
+def test_a_recording_of_one_connection_that_goes_on_after_a_pause_takes_no_earlier_press(
+    tmp_path: Path,
+) -> None:
+    pause = [*EVENTS[:40], *later(EVENTS[45:], 60.0)]
+    write_bag(tmp_path / "two" / "a_1.mcap", (pause[:40], TOPICS))
+    write_bag(tmp_path / "two" / "a_2.mcap", (pause[40:], TOPICS))
+    found = read_recorded(tmp_path / "two")
+    assert found.left_out > 0
+    assert_right(found, count=len(TRUTH) - found.lost - found.left_out)
+
+
 def test_a_copy_of_a_file_in_the_folder_doubles_no_frame(tmp_path: Path) -> None:
     write_bag(tmp_path / "bag" / "a.mcap", (EVENTS, TOPICS))
     write_bag(tmp_path / "bag" / "a copy.mcap", (EVENTS, TOPICS))
