@@ -35,7 +35,7 @@ from fabrication.driver.recording.press_labels import (
     Start,
     press_labels,
 )
-from fabrication.driver.recording.recorded import Recorded
+from fabrication.driver.recording.recorded import Recorded, absent_frames, with_earlier_losses
 from fabrication.driver_file import DriverConfig, config_from_document
 
 METADATA = "metadata.yaml"
@@ -90,7 +90,6 @@ def read_mcap(
         raise InputError(f"{file}: {topic}: {err}") from None
     kept = slice(None) if len(order) == len(frames) and (np.diff(order) == 1).all() else order
     sequence = frames.column("sequence")[kept]
-    steps = np.diff(sequence)[np.diff(connection) == 0]
     found = Recorded(
         config=config,
         counts=frames.counts[kept],
@@ -99,17 +98,22 @@ def read_mcap(
         device_s=frames.column("device_us")[kept] / 1e6,
         host_s=_seconds(frames.column("arrived_ns")[kept]),
         labels=labels,
-        lost=int((steps - 1).sum()),
+        lost=absent_frames(connection, sequence),
         doubled=len(frames) - len(order),
         stray_bytes=read.stray_bytes,
         ended_cleanly=read.ended_cleanly,
         missing_files=read.missing,
     )
+    try:
+        for one in read.losses_of(topic):
+            found = with_earlier_losses(found, one)
+    except InputError as err:
+        raise InputError(f"{file}: {err}") from None
     if known.all():
         return found
     if not known.any():
         raise InputError(f"{file}: {topic}: the press of no frame is known: {found.losses}; record again")
-    return replace(found.only(known), left_out=int(np.count_nonzero(~known)))
+    return replace(found.only(known), left_out=found.left_out + int(np.count_nonzero(~known)))
 
 
 def _labels(
@@ -186,6 +190,7 @@ class _Bag:
         self.stray_bytes, self.ended_cleanly = 0, True
         self._wanted = topic
         self._parts: list[_Part] = []
+        self._losses: list[dict[str, str]] = []
         self._place = 0
         files = _files(file)
         self.missing = tuple(one.name for one in files if not os.path.lexists(one))
@@ -268,6 +273,10 @@ class _Bag:
                 found.append((begin, end_ns if end_ns is not None else min(later, default=FOREVER_NS)))
         return found
 
+    def losses_of(self, topic: str) -> list[dict[str, str]]:
+        """Metadata on losses of the recordings of which the frames of a topic are copies, once for each recording."""
+        return [one for one in self._losses if one.get("topic") == topic]
+
     def starts(
         self, frames: Frames, order: IntArray, connection: IntArray, presses: Presses | None
     ) -> list[Start]:
@@ -288,11 +297,8 @@ class _Bag:
         is_new = (np.diff(connection) > 0) | (is_missing & (np.diff(time_ns) > PAUSE_NS))
         found = []
         for k in 1 + np.flatnonzero((np.diff(file) != 0) & is_new):
-            part = self._parts[file[k]]
-            before_ns, first_ns = (
-                int(time_ns[k - 1]),
-                int(time_ns[k] if part.first_ns is None else part.first_ns),
-            )
+            part, before_ns, first_ns = self._parts[file[k]], int(time_ns[k - 1]), int(time_ns[k])
+            first_ns = first_ns if part.first_ns is None else part.first_ns
             spans = [presses.time_ns[of_press == one] for one in np.unique(of_press)]
             if not any(one.min() <= before_ns and one.max() >= first_ns for one in spans):
                 found.append(Start(before_ns=before_ns, first_ns=first_ns, place=part.place))
@@ -344,6 +350,7 @@ class _Bag:
             part.gaps_ns.append([part.last_ns, None])
         self.ended_cleanly &= read.is_whole
         self.stray_bytes += read.lost_bytes
+        self._losses += [one for one in read.losses if one not in self._losses]
         return read.fault
 
     def _decode(self, pending: dict[Channel, tuple[list[bytes], list[int], list[int]]]) -> None:

@@ -16,7 +16,7 @@ import zstandard
 from mcap.writer import CompressionType
 
 from design.errors import InputError
-from fabrication.driver.recording.export import read_recorded
+from fabrication.driver.recording.export import read_recorded, write_csv
 from fabrication.driver.recording.joined_log import joined
 from fabrication.driver.recording.mcap_file import FRAME, PRESS, SENSOR, write_mcap
 from fabrication.driver.recording.position_log import read_position_log
@@ -359,13 +359,51 @@ def test_other_definitions_of_the_messages_are_read_by_them_or_refused(tmp_path:
     )
 
 
-def test_a_damaged_chunk_costs_its_frames_and_no_label(tmp_path: Path) -> None:
-    whole = write_bag(tmp_path / "a.mcap", (EVENTS, TOPICS), chunk_bytes=4096).read_bytes()
+def middle_chunk(whole: bytes) -> int:
+    """Where the chunk in the middle of an MCAP file begins."""
     at, chunks = 8, []
     while whole[at] != 15:  # the end of data
         chunks += [at] * (whole[at] == 6)
         at += 9 + int.from_bytes(whole[at + 1 : at + 9], "little")
-    place = chunks[len(chunks) // 2]
+    return chunks[len(chunks) // 2]
+
+
+def test_what_is_missing_of_a_recording_is_said_by_its_copies(tmp_path: Path) -> None:
+    whole = write_bag(tmp_path / "a.mcap", (EVENTS, TOPICS), chunk_bytes=2048).read_bytes()
+    write_mcap(read_recorded(tmp_path / "a.mcap"), tmp_path / "clean.mcap")
+    assert b"optopad_losses" not in (tmp_path / "clean.mcap").read_bytes()
+    place, file = middle_chunk(whole), tmp_path / "b.mcap"
+    copies = [tmp_path / "b" / "b.mcap", tmp_path / "c" / "c.mcap"]
+    for folder in ("b", "c"):
+        (tmp_path / folder).mkdir()
+    for content in (whole[: place + 500] + b"x" + whole[place + 501 :], whole[:place], whole[: place + 99]):
+        file.write_bytes(content)
+        original = read_recorded(file)
+        assert not original.is_whole
+        write_mcap(original, copies[0])
+        write_mcap(read_recorded(copies[0]), copies[1])
+        (copies[1].parent / "copy.mcap").write_bytes(copies[1].read_bytes())
+        for copy in copies:
+            found = read_recorded(copy)
+            assert_equal(original, found)
+            assert (found.losses, found.is_whole) == (original.losses, False)
+        found = read_recorded(copies[1].parent)
+        assert (found.lost, found.left_out, found.stray_bytes, found.doubled) == (
+            original.lost,
+            original.left_out,
+            original.stray_bytes,
+            len(found.sequence),
+        )
+        write_csv(original, tmp_path / "b.csv", "b.mcap")
+        assert read_recording(tmp_path / "b.csv").notes == (f"b.csv: {original.losses}",)
+        content = copies[0].read_bytes()
+        copies[0].write_bytes(content.replace(b"stray_bytes", b"stray_bytez"))
+        assert "metadata optopad_losses are damaged" in refused(copies[0])
+
+
+def test_a_damaged_chunk_costs_its_frames_and_no_label(tmp_path: Path) -> None:
+    whole = write_bag(tmp_path / "a.mcap", (EVENTS, TOPICS), chunk_bytes=4096).read_bytes()
+    place = middle_chunk(whole)
     # a byte of the packed data; the record's type: unknown, of another program, an end
     for offset, flip in ((500, 0xFF), (0, 0x40), (0, 0x80), (0, 0x04)):
         content = bytearray(whole)
