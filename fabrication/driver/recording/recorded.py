@@ -37,6 +37,7 @@ class Recorded:
     stray_bytes : number of bytes in the file that belong to no complete record
     missing_files : files that a bag's `metadata.yaml` lists, but that are not in its folder
     ended_cleanly : whether the recorder closed the file normally
+    made_presses : number of presses of a collection that are stored, and of all its presses; None if it is none
     """
 
     config: DriverConfig
@@ -52,6 +53,7 @@ class Recorded:
     doubled: int = 0
     left_out: int = 0
     missing_files: tuple[str, ...] = ()
+    made_presses: tuple[int, int] | None = None
 
     @property
     def press_mm(self) -> FloatArray | None:
@@ -74,16 +76,21 @@ class Recorded:
         text = ", ".join(told)
         if self.missing_files:
             text += f"; {', '.join(self.missing_files)} of metadata.yaml is missing"
-        if not self.ended_cleanly and (self.stray_bytes or not self.missing_files):
+        if self.made_presses is not None and self.made_presses[0] < self.made_presses[1]:
+            text += "; {} of {} presses made".format(*self.made_presses)
+        if not self.ended_cleanly and self.stray_bytes:
             text += f"; the end is incomplete: {self.stray_bytes} bytes belong to no whole record"
         elif self.stray_bytes:
             text += f"; {self.stray_bytes} bytes belong to no whole record"
+        elif not self.ended_cleanly and not self.missing_files:
+            text += "; the recorder did not end it"
         return text
 
     @property
     def is_whole(self) -> bool:
         """Whether nothing is missing."""
-        return self.ended_cleanly and not (self.lost or self.left_out or self.stray_bytes)
+        is_complete = self.made_presses is None or self.made_presses[0] == self.made_presses[1]
+        return self.ended_cleanly and is_complete and not (self.lost or self.left_out or self.stray_bytes)
 
     def only(self, kept: BoolArray) -> Recorded:
         """The recording with only the frames for which `kept` is True; the numbers of lost and doubled frames do not
