@@ -16,13 +16,14 @@ import zstandard
 from mcap.writer import CompressionType
 
 from design.errors import InputError
-from fabrication.driver.recording.export import read_recorded, write_csv
+from fabrication.driver.recording.export import read_recorded, write_csv, write_netcdf
 from fabrication.driver.recording.joined_log import joined
 from fabrication.driver.recording.mcap_file import FRAME, PRESS, SENSOR, write_mcap
 from fabrication.driver.recording.position_log import read_position_log
 from fabrication.driver.recording.recorded import Recorded
 from fabrication.driver.recording.recorder import Recorder
 from optopad.cli import main
+from optopad.jobs.training import _training_data
 from optopad.work import as_netcdf
 from sims.readings.dataset import data_notes, read_data
 from sims.readings.recording import read_recording
@@ -366,6 +367,17 @@ def middle_chunk(whole: bytes) -> int:
         chunks += [at] * (whole[at] == 6)
         at += 9 + int.from_bytes(whole[at + 1 : at + 9], "little")
     return chunks[len(chunks) // 2]
+
+
+def test_topics_of_training_data_are_those_of_the_bags_among_them(tmp_path: Path) -> None:
+    left, right = sides("/{}/{}")
+    other, truth = session(0.013, seed=2)
+    bag, plain = write_bag(tmp_path / "two.mcap", (EVENTS, left), (other, right)), tmp_path / "b.nc"
+    write_netcdf(read_recorded(bag, topic=right[FRAME]), plain, "b")
+    data, _ = _training_data([bag, plain], None, left[FRAME], left[PRESS])
+    np.testing.assert_array_equal(data.press_mm, np.concatenate([TRUTH, truth]))
+    with pytest.raises(InputError, match=r"--topic /left/frame: .*b\.nc is not a bag"):
+        _training_data([plain], None, left[FRAME], None)
 
 
 def test_what_is_missing_of_a_recording_is_said_by_its_copies(tmp_path: Path) -> None:
