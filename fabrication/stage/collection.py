@@ -134,7 +134,8 @@ class CollectedParts:
             labels=labels,
             lost=int(whole["lost"].sum()),
             stray_bytes=0,
-            ended_cleanly=len(numbers) == len(presses.presses),
+            ended_cleanly=True,
+            made_presses=(len(numbers), len(presses.presses)),
         )
 
     def path(self) -> FloatArray | None:

@@ -12,7 +12,8 @@ from design.errors import InputError
 from design.files import made_folder
 from design.progress import OnStep, silent
 from design.spec import SensorDesign
-from optopad.work import as_netcdf
+from fabrication.driver.recording.bag import is_bag
+from optopad.work import as_netcdf, is_recording
 from sims.learning.inference.header import ForceCurve, ModelHeader
 from sims.learning.inference.model_file import save_model
 from sims.learning.inference.touch_model import TouchModel
@@ -194,8 +195,15 @@ def _files(names: Sequence[str], files: Sequence[Path], out: Path | None) -> dic
 def _training_data(
     files: Sequence[Path], design: SensorDesign | None, topic: str | None, press_topic: str | None
 ) -> tuple[PressData, tuple[str, ...]]:
+    """The data with role "train", and notes; topics are for the bags among the files, of which there must be one."""
+    bags = [file for file in files if is_recording(file) and is_bag(file)]
     with ExitStack() as opened:
-        every = [opened.enter_context(as_netcdf(file, topic, press_topic)) for file in files]
+        every = [
+            opened.enter_context(
+                as_netcdf(file, topic, press_topic) if file in bags or not bags else as_netcdf(file)
+            )
+            for file in files
+        ]
         data = joined([read_data(file, design) for file in every])
     notes = () if design is None else require_design(data, design)
     train = data.role("train")

@@ -12,7 +12,8 @@ Lengths in other units are converted; their attribute `units` names the unit.
 
 CSV: a heading line, then one line per reading. The columns are ``depth_mm``, optionally ``x_mm`` and ``y_mm`` (or with
 ``_um``, ``_cm`` or ``_m``, or as ``Depth (mm)``), and one column per pair (``E1-R1``) or one column ``signal``. Before
-the heading there may be a line ``# design_digest: <digest>``, with at least the first 8 of the 64 digits.
+the heading there may be a line ``# design_digest: <digest>``, with at least the first 8 of the 64 digits,
+and a line ``# losses: <text>`` that says what is missing.
 
 The readings of an ``off`` state are subtracted. Drift and lag are not corrected.
 """
@@ -31,7 +32,7 @@ from design.arrays import FloatArray
 from design.csv_table import CsvTable, plain_name, read_csv
 from design.errors import InputError
 from design.files import TEXT_KINDS, kind_of_file
-from design.recordings import OFF, signals_of
+from design.recordings import LOSSES, OFF, signals_of
 from sims.readings.data_writer import read_netcdf, require_numbers
 from sims.readings.dataset import AXES, full_scale_of, losses_note, off_last
 from sims.readings.label_checks import (
@@ -164,14 +165,17 @@ def _read_csv(file: Path) -> Recording:
     if "depth" not in lengths or not signals:
         raise InputError(f"{file}: its columns are {', '.join(table.heading)}; needs {NEEDED_CSV}")
     has_place = _has_place(file, [f"{axis}_mm" for axis in lengths], "x_mm", "y_mm")
-    stated = next((m[1] for line in table.remarks if (m := re.search(r"design_digest:\s*(.*)", line))), None)
+    stated, losses = (
+        next((m[1] for line in table.remarks if (m := re.search(rf"{name}:\s*(.*)", line))), None)
+        for name in ("design_digest", LOSSES)
+    )
     return Recording(
         file=file,
         design_digest=_checked_digest(file, stated),
         depth_mm=lengths["depth"],
         place_mm=np.stack([lengths["x"], lengths["y"]], axis=1) if has_place else None,
         counts={name: np.array(table.numbers(name)) for name in signals},
-        notes=(),
+        notes=() if losses is None else (f"{file.name}: {losses}",),
     )
 
 

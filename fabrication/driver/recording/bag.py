@@ -4,6 +4,9 @@ Any channels of these message types are read, from files or from the folder of a
 in the order of `metadata.yaml` or, without it, of their names. Frames are then ordered by log time, if their sequence
 numbers agree with it; else, as after the clock was set back, in the order of the files. A file that lost its end or
 other parts keeps every complete chunk.
+
+Presses are valid within one recording, which may have several files: a file continues the one before it if its frames
+continue the connection. Another file, even of a node that restarted just then, is another recording.
 """
 
 from __future__ import annotations
@@ -25,8 +28,14 @@ from fabrication.driver.recording.bag_file import BagFile, Channel, McapFile, Sq
 from fabrication.driver.recording.frame_order import ordered
 from fabrication.driver.recording.mcap_file import FRAME, INSTALL, NS_PER_S, PRESS, SENSOR
 from fabrication.driver.recording.messages import Frames, Presses, decoder_of
-from fabrication.driver.recording.press_labels import NEVER_NS, Moments, PressLabels, press_labels
-from fabrication.driver.recording.recorded import Recorded
+from fabrication.driver.recording.press_labels import (
+    NEVER_NS,
+    Moments,
+    PressLabels,
+    Start,
+    press_labels,
+)
+from fabrication.driver.recording.recorded import Recorded, absent_frames, with_earlier_losses
 from fabrication.driver_file import DriverConfig, config_from_document
 
 METADATA = "metadata.yaml"
@@ -36,6 +45,8 @@ SUFFIXES = (".mcap", ".mcap.zstd", ".db3", ".db3.zstd")
 KINDS = frozenset((SENSOR, FRAME, PRESS))
 BATCH = 4096
 """Number of messages that are decoded at a time."""
+PAUSE_NS = 5 * NS_PER_S
+"""Longest pause between the frames of two files of one recording, if frames are missing between them [ns]."""
 FOREVER_NS = np.iinfo(np.int64).max
 CONVERT = "`ros2 bag convert`, with `storage_id: mcap` and no compression in its output options"
 _WORDS = re.compile(r"(?:^|(?<=[/_]))(?:frames?|press(?:es)?|sensors?)(?=$|[/_])")
@@ -73,12 +84,12 @@ def read_mcap(
     frames, presses = read.frames[topic], read.presses_of(topic, press_topic) if with_presses else None
     try:
         order, connection = ordered(frames)
-        labels, known = _labels(presses, frames, order, read.gaps_ns())
+        starts = read.starts(frames, order, connection, presses)
+        labels, known = _labels(presses, frames, order, read.gaps_ns(), starts)
     except InputError as err:
         raise InputError(f"{file}: {topic}: {err}") from None
     kept = slice(None) if len(order) == len(frames) and (np.diff(order) == 1).all() else order
     sequence = frames.column("sequence")[kept]
-    steps = np.diff(sequence)[np.diff(connection) == 0]
     found = Recorded(
         config=config,
         counts=frames.counts[kept],
@@ -87,27 +98,36 @@ def read_mcap(
         device_s=frames.column("device_us")[kept] / 1e6,
         host_s=_seconds(frames.column("arrived_ns")[kept]),
         labels=labels,
-        lost=int((steps - 1).sum()),
+        lost=absent_frames(connection, sequence),
         doubled=len(frames) - len(order),
         stray_bytes=read.stray_bytes,
         ended_cleanly=read.ended_cleanly,
         missing_files=read.missing,
     )
+    try:
+        for one in read.losses_of(topic):
+            found = with_earlier_losses(found, one)
+    except InputError as err:
+        raise InputError(f"{file}: {err}") from None
     if known.all():
         return found
     if not known.any():
         raise InputError(f"{file}: {topic}: the press of no frame is known: {found.losses}; record again")
-    return replace(found.only(known), left_out=int(np.count_nonzero(~known)))
+    return replace(found.only(known), left_out=found.left_out + int(np.count_nonzero(~known)))
 
 
 def _labels(
-    presses: Presses | None, frames: Frames, order: IntArray, gaps_ns: list[tuple[int, int]]
+    presses: Presses | None,
+    frames: Frames,
+    order: IntArray,
+    gaps_ns: list[tuple[int, int]],
+    starts: list[Start],
 ) -> tuple[PressLabels | None, BoolArray]:
     if presses is None or not len(presses):
         return None, np.ones(len(order), dtype=np.bool_)
     when = Moments(time_ns=frames.column("time_ns")[order], place=frames.column("place")[order])
     return press_labels(
-        presses.press_mm, Moments(time_ns=presses.time_ns, place=presses.place), when, gaps_ns
+        presses.press_mm, Moments(time_ns=presses.time_ns, place=presses.place), when, gaps_ns, starts
     )
 
 
@@ -131,8 +151,12 @@ def _seconds(time_ns: IntArray) -> FloatArray:
 
 @dataclass(kw_only=True)
 class _Part:
-    """Log times of a file's first and last frame or press [ns], and of those around its missing parts."""
+    """Log times of a file's first and last message [ns], and of those around its missing parts.
 
+    `place` is the place of its first message among those of all files.
+    """
+
+    place: int
     first_ns: int | None = None
     last_ns: int | None = None
     gaps_ns: list[list[int | None]] = field(default_factory=list)
@@ -166,6 +190,7 @@ class _Bag:
         self.stray_bytes, self.ended_cleanly = 0, True
         self._wanted = topic
         self._parts: list[_Part] = []
+        self._losses: list[dict[str, str]] = []
         self._place = 0
         files = _files(file)
         self.missing = tuple(one.name for one in files if not os.path.lexists(one))
@@ -248,6 +273,37 @@ class _Bag:
                 found.append((begin, end_ns if end_ns is not None else min(later, default=FOREVER_NS)))
         return found
 
+    def losses_of(self, topic: str) -> list[dict[str, str]]:
+        """Metadata on losses of the recordings of which the frames of a topic are copies, once for each recording."""
+        return [one for one in self._losses if one.get("topic") == topic]
+
+    def starts(
+        self, frames: Frames, order: IntArray, connection: IntArray, presses: Presses | None
+    ) -> list[Start]:
+        """Where a file begins another recording, and no file has the presses of the time between the two.
+
+        A file continues the one before it if the connection goes on without a pause in which frames are missing.
+
+        Parameters
+        ----------
+        order, connection : numbers of the frames in their order, and their connections, shapes (n,)
+        """
+        if presses is None or len(self._parts) == 1:
+            return []
+        places = np.array([part.place for part in self._parts])
+        place, time_ns = frames.column("place")[order], frames.column("time_ns")[order]
+        file, of_press = (np.searchsorted(places, one, side="right") - 1 for one in (place, presses.place))
+        is_missing = np.diff(frames.column("sequence")[order]) > 1
+        is_new = (np.diff(connection) > 0) | (is_missing & (np.diff(time_ns) > PAUSE_NS))
+        found = []
+        for k in 1 + np.flatnonzero((np.diff(file) != 0) & is_new):
+            part, before_ns, first_ns = self._parts[file[k]], int(time_ns[k - 1]), int(time_ns[k])
+            first_ns = first_ns if part.first_ns is None else part.first_ns
+            spans = [presses.time_ns[of_press == one] for one in np.unique(of_press)]
+            if not any(one.min() <= before_ns and one.max() >= first_ns for one in spans):
+                found.append(Start(before_ns=before_ns, first_ns=first_ns, place=part.place))
+        return found
+
     def _lacks(self, kind: str, where: str = "") -> InputError:
         """The error that the bag has no messages of a type."""
         has = ", ".join(f"{name} ({one})" for name, one in self.kinds.items()) or "no messages"
@@ -262,7 +318,7 @@ class _Bag:
 
     def _read(self, file: Path) -> str:
         """Read a file; returns its damage in words, "" without any."""
-        part = _Part()
+        part = _Part(place=self._place)
         self._parts.append(part)
         if not os.path.lexists(file):
             part.gaps_ns.append([None, None])
@@ -294,6 +350,7 @@ class _Bag:
             part.gaps_ns.append([part.last_ns, None])
         self.ended_cleanly &= read.is_whole
         self.stray_bytes += read.lost_bytes
+        self._losses += [one for one in read.losses if one not in self._losses]
         return read.fault
 
     def _decode(self, pending: dict[Channel, tuple[list[bytes], list[int], list[int]]]) -> None:

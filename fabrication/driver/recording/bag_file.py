@@ -21,6 +21,7 @@ from typing import IO, Protocol
 from urllib.parse import quote
 
 from design.errors import InputError
+from fabrication.driver.recording.recorded import LOSSES_NAME
 
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
@@ -48,10 +49,10 @@ HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, INDEX, ATTACHMENT, METADATA, DA
     12,
     15,
 )
-_READ = frozenset((FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, INDEX, DATA_END))
+_READ = frozenset((FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, INDEX, METADATA, DATA_END))
 OTHERS = 0x80
 """Types of records from this one on belong to other programs, and are skipped."""
-_SKIPPED = frozenset((HEADER, ATTACHMENT, METADATA, *range(OTHERS, 0x100)))
+_SKIPPED = frozenset((HEADER, ATTACHMENT, *range(OTHERS, 0x100)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,12 +86,14 @@ class BagFile(Protocol):
     is_whole : whether the recorder ended the file normally; known after the last message
     lost_bytes : number of bytes read so far that belong to no complete record or to a damaged chunk
     fault : the first damage that was found, in words; "" if there is none
+    losses : for each recording of which the file is a copy, metadata on what was missing of it
     """
 
     channels: list[Channel]
     is_whole: bool
     lost_bytes: int
     fault: str
+    losses: list[dict[str, str]]
 
     def messages(self) -> Iterator[Message | None]:
         """Every message of the file; None where messages are missing."""
@@ -107,6 +110,7 @@ class McapFile:
         self.channels: list[Channel] = []
         self.is_whole = False
         self.lost_bytes = 0
+        self.losses: list[dict[str, str]] = []
         self._file = file
         self._kinds = kinds
         self._schemas: dict[int, tuple[str, str, bytes]] = {}
@@ -178,6 +182,8 @@ class McapFile:
         elif opcode == INDEX:
             if before not in (CHUNK, INDEX) or struct.unpack_from("<I", content, 2)[0] != len(content) - 6:
                 raise _DamageError("an index is damaged, or its chunk is missing")
+        elif opcode == METADATA:
+            self._take_losses(memoryview(content))
         elif opcode not in _SKIPPED:
             raise _DamageError(f"a record has the unknown type {opcode}")
         return []
@@ -232,6 +238,20 @@ class McapFile:
         if self._by_number.get(number) != found:
             self._by_number[number] = found
             self.channels.append(found)
+
+    def _take_losses(self, content: memoryview) -> None:
+        """Keep metadata on losses; others are of other programs."""
+        begin = struct.pack("<I", len(LOSSES_NAME)) + LOSSES_NAME.encode()
+        if content[: len(begin)] != begin:
+            return
+        pairs, end = _bytes(content, len(begin))
+        if end != len(content):
+            raise _DamageError("metadata are longer than they declare")
+        found, at = {}, 0
+        while at < len(pairs):
+            name, at = _text(pairs, at)
+            found[name], at = _text(pairs, at)
+        self.losses.append(found)
 
     def _of_chunk(self, content: bytes) -> list[Message]:
         first_ns, last_ns, size, checksum = _CHUNK.unpack_from(content)
@@ -288,6 +308,7 @@ class SqliteFile:
         self.channels: list[Channel] = []
         self.is_whole = False
         self.lost_bytes = 0
+        self.losses: list[dict[str, str]] = []
         self.fault = ""
         self._file = file
         self._kinds = kinds

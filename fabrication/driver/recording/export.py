@@ -222,6 +222,8 @@ def write_csv(recorded: Recorded, out: Path, name: str, *, on_step: OnStep = sil
     with whole_file(out) as hidden, hidden.open("w", encoding="utf-8", newline="") as stream:
         stream.write(f"# optopad recording {name!r} of {said.design}; ADC counts, less the dark state's\n")
         stream.write(f"# design_digest: {said.digest}\n")
+        if not recorded.is_whole:
+            stream.write(f"# {LOSSES}: {recorded.losses}\n")
         table = csv.writer(stream, lineterminator="\n")
         table.writerow(_columns(recorded, slice(0, 0)))
         for begin in range(0, count, FRAMES_A_PIECE):

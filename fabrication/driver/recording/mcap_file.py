@@ -31,7 +31,7 @@ from fabrication.driver.link.clock import BoardClock
 from fabrication.driver.link.frames import US_PER_S, Frame, FrameDecoder
 from fabrication.driver.link.protocol import frame_format
 from fabrication.driver.recording.raw import Record, RecordKind, Sink, press_of, write_all
-from fabrication.driver.recording.recorded import Recorded
+from fabrication.driver.recording.recorded import LOSSES_NAME, Recorded, losses_metadata
 from fabrication.driver_file import DriverConfig
 from fabrication.record import plain_of
 from fabrication.ros2.messages import PACKAGE, definition
@@ -103,7 +103,7 @@ class McapSink:
         self._write_pieces()
 
     def write_recorded(self, recorded: Recorded, on_step: OnStep = silent) -> None:
-        """Write all frames and presses of a recording, and the file's index."""
+        """Write all frames and presses of a recording, what is missing of it as metadata, and the file's index."""
         clock, connection = BoardClock(recorded.config.timing.frame_ms / 1e3), int(recorded.connection[0])
         count, before = len(recorded.sequence), np.full(3, np.nan)
         self._put_sensor(float(recorded.host_s[0]))
@@ -138,6 +138,8 @@ class McapSink:
             )
             self._write_pieces()
             on_step(STEP, min(begin + FRAMES_A_PIECE, count) / count)
+        if losses := losses_metadata(recorded, TOPICS[FRAME]):
+            self._writer.add_metadata(LOSSES_NAME, losses)
         self._writer.finish()  # type: ignore[no-untyped-call]
         self._write_pieces()
 

@@ -79,16 +79,39 @@ class Moments:
     place: IntArray
 
 
+@dataclass(frozen=True, kw_only=True)
+class Start:
+    """Where another recording of the same sensor begins; presses between the two are not recorded.
+
+    Attributes
+    ----------
+    before_ns : time of the last frame of the recording before [ns]
+    first_ns : time of the first frame or press of the new recording [ns]
+    place : place of that frame or press in the order in which all were written
+    """
+
+    before_ns: int
+    first_ns: int
+    place: int
+
+
 def press_labels(
-    press_mm: FloatArray, presses: Moments, frames: Moments, gaps_ns: Sequence[tuple[int, int]] = ()
+    press_mm: FloatArray,
+    presses: Moments,
+    frames: Moments,
+    gaps_ns: Sequence[tuple[int, int]] = (),
+    starts: Sequence[Start] = (),
 ) -> tuple[PressLabels, BoolArray]:
-    """Press of each frame, and whether it is known; frames before the first press are untouched.
+    """Press of each frame, and whether it is known; frames before the first press of their recording are untouched.
+
+    In a recording that has no press, or that follows one with a press, they are unknown.
 
     Parameters
     ----------
     press_mm : (press, 3) x, y, depth of known presses, at least one [mm]
     presses, frames : when they were recorded; frames in the order in which the sensor sent them
     gaps_ns : times of the last record before and the first one behind each gap in which presses may be missing [ns]
+    starts : where further recordings begin
 
     Raises
     ------
@@ -102,17 +125,23 @@ def press_labels(
                 "press of a frame cannot be known, record again"
             )
         known = np.ones(len(number), dtype=np.bool_)
+        pressed = np.where(number >= 0, presses.place[np.maximum(number, 0)], presses.place.min())
+        for start in starts:
+            known &= (frames.place < start.place) == (pressed < start.place)
     else:
         _require_overlap(presses, frames)
         number, known = _by_time(presses, frames)
+        pressed_ns = np.where(number >= 0, presses.time_ns[np.maximum(number, 0)], NEVER_NS)
         for begin_ns, end_ns in gaps_ns:
             if end_ns < begin_ns:
                 raise InputError(
                     "parts of the recording are missing, and the others are not in the order of time: the press of a "
                     "frame cannot be known; repair the file, as by `mcap recover` and `mcap sort`"
                 )
-            pressed_ns = np.where(number >= 0, presses.time_ns[np.maximum(number, 0)], NEVER_NS)
             known &= (frames.time_ns <= begin_ns) | (pressed_ns >= end_ns)
+        pressed_ns = np.where(number >= 0, pressed_ns, presses.time_ns.min())
+        for start in starts:
+            known &= (frames.time_ns <= start.before_ns) == (pressed_ns < start.first_ns)
     untouched = np.array([press_mm[0, 0], press_mm[0, 1], 0.0])
     labels = np.where((number >= 0)[:, None], press_mm[np.maximum(number, 0)], untouched)
     return PressLabels(press_mm=labels), known

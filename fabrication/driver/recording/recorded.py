@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -36,6 +37,7 @@ class Recorded:
     stray_bytes : number of bytes in the file that belong to no complete record
     missing_files : files that a bag's `metadata.yaml` lists, but that are not in its folder
     ended_cleanly : whether the recorder closed the file normally
+    made_presses : number of presses of a collection that are stored, and of all its presses; None if it is none
     """
 
     config: DriverConfig
@@ -51,6 +53,7 @@ class Recorded:
     doubled: int = 0
     left_out: int = 0
     missing_files: tuple[str, ...] = ()
+    made_presses: tuple[int, int] | None = None
 
     @property
     def press_mm(self) -> FloatArray | None:
@@ -73,16 +76,21 @@ class Recorded:
         text = ", ".join(told)
         if self.missing_files:
             text += f"; {', '.join(self.missing_files)} of metadata.yaml is missing"
-        if not self.ended_cleanly and (self.stray_bytes or not self.missing_files):
+        if self.made_presses is not None and self.made_presses[0] < self.made_presses[1]:
+            text += "; {} of {} presses made".format(*self.made_presses)
+        if not self.ended_cleanly and self.stray_bytes:
             text += f"; the end is incomplete: {self.stray_bytes} bytes belong to no whole record"
         elif self.stray_bytes:
             text += f"; {self.stray_bytes} bytes belong to no whole record"
+        elif not self.ended_cleanly and not self.missing_files:
+            text += "; the recorder did not end it"
         return text
 
     @property
     def is_whole(self) -> bool:
         """Whether nothing is missing."""
-        return self.ended_cleanly and not (self.lost or self.left_out or self.stray_bytes)
+        is_complete = self.made_presses is None or self.made_presses[0] == self.made_presses[1]
+        return self.ended_cleanly and is_complete and not (self.lost or self.left_out or self.stray_bytes)
 
     def only(self, kept: BoolArray) -> Recorded:
         """The recording with only the frames for which `kept` is True; the numbers of lost and doubled frames do not
@@ -92,6 +100,63 @@ class Recorded:
             name: value[kept] for name, value in values.items() if isinstance(value, np.ndarray)
         }
         return replace(self, labels=None if self.labels is None else self.labels.only(kept), **cut)
+
+
+LOSSES_NAME = "optopad_losses"
+"""Name of the metadata in an MCAP file that say what was missing of the recording from which it was made."""
+LOSS_COUNTS = ("lost", "absent", "doubled", "left_out", "stray_bytes")
+
+
+def absent_frames(connection: IntArray, sequence: IntArray) -> int:
+    """Number of sequence numbers that are missing within the connections; both arguments have the shape (n,)."""
+    steps = np.diff(sequence)[np.diff(connection) == 0]
+    return int((steps - 1).sum())
+
+
+def losses_metadata(recorded: Recorded, topic: str) -> dict[str, str]:
+    """What is missing of a recording, as metadata for a copy of it; empty if nothing is.
+
+    Parameters
+    ----------
+    topic : topic of the copy's frames
+    """
+    if recorded.is_whole and not recorded.doubled:
+        return {}
+    absent = absent_frames(recorded.connection, recorded.sequence)
+    counts = {name: absent if name == "absent" else getattr(recorded, name) for name in LOSS_COUNTS}
+    return {
+        "topic": topic,
+        "begun_s": repr(float(recorded.host_s[0])),
+        **{name: str(count) for name, count in counts.items()},
+        "ended_cleanly": json.dumps(recorded.ended_cleanly),
+        "missing_files": json.dumps(recorded.missing_files),
+    }
+
+
+def with_earlier_losses(recorded: Recorded, metadata: dict[str, str]) -> Recorded:
+    """The recording that was read from a copy, with the losses of its original, from `losses_metadata`.
+
+    Raises
+    ------
+    InputError : the metadata are damaged.
+    """
+    try:
+        counts = {name: int(metadata[name]) for name in LOSS_COUNTS}
+        ended_cleanly, missing = (json.loads(metadata[name]) for name in ("ended_cleanly", "missing_files"))
+        missing = tuple(str(name) for name in missing)
+    except (KeyError, ValueError, TypeError, RecursionError) as err:
+        raise InputError(
+            f"the metadata {LOSSES_NAME} are damaged: {err!r}; export the recording again"
+        ) from None
+    return replace(
+        recorded,
+        lost=max(recorded.lost + counts["lost"] - counts["absent"], 0),
+        doubled=recorded.doubled + counts["doubled"],
+        left_out=recorded.left_out + counts["left_out"],
+        stray_bytes=recorded.stray_bytes + counts["stray_bytes"],
+        ended_cleanly=recorded.ended_cleanly and ended_cleanly is True,
+        missing_files=(*recorded.missing_files, *missing),
+    )
 
 
 def require_rising(host_s: FloatArray) -> None:

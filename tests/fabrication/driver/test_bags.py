@@ -16,13 +16,14 @@ import zstandard
 from mcap.writer import CompressionType
 
 from design.errors import InputError
-from fabrication.driver.recording.export import read_recorded
+from fabrication.driver.recording.export import read_recorded, write_csv, write_netcdf
 from fabrication.driver.recording.joined_log import joined
 from fabrication.driver.recording.mcap_file import FRAME, PRESS, SENSOR, write_mcap
 from fabrication.driver.recording.position_log import read_position_log
 from fabrication.driver.recording.recorded import Recorded
 from fabrication.driver.recording.recorder import Recorder
 from optopad.cli import main
+from optopad.jobs.training import _training_data
 from optopad.work import as_netcdf
 from sims.readings.dataset import data_notes, read_data
 from sims.readings.recording import read_recording
@@ -241,6 +242,45 @@ def test_a_node_that_restarts_begins_a_new_connection(tmp_path: Path) -> None:
         assert_equal(found, read_recorded(tmp_path / "again.mcap"))
 
 
+def test_a_press_labels_no_frame_of_another_recording_in_the_folder(tmp_path: Path) -> None:
+    more, truth = session(51.0, seed=2)
+    late = [one for one in more if one.kind != PRESS][:1] + more[10:]
+    number = sum(one.kind == FRAME for one in more[1:10])
+    bare = [one for one in more if one.kind != PRESS]
+    both = np.concatenate([TRUTH, truth])
+    for name, parts, count in (
+        ("without presses", {"a_1": EVENTS, "a_2": bare}, len(TRUTH)),
+        ("with later ones", {"a_1": EVENTS, "a_2": late}, 2 * len(TRUTH) - number - 1),
+        ("without any before", {"a_1": later(bare, -260.0), "a_2": EVENTS}, len(TRUTH)),
+    ):
+        for part, events in parts.items():
+            write_bag(tmp_path / name / f"{part}.mcap", (events, TOPICS))
+        found = read_recorded(tmp_path / name)
+        if name == "without any before":
+            assert set(found.connection) == {2}
+            found = replace(found, connection=found.connection - 1)
+        assert_right(found, both, count=count)
+        assert (found.left_out > 0, f"{found.left_out} left out" in found.losses) == (True, True)
+    presses = [one for one in EVENTS if one.kind == PRESS]
+    always = [*presses, replace(presses[-1], log_s=more[-1].log_s + 1.0)]
+    for part, events in (("p", always), ("a_1", [e for e in EVENTS if e.kind != PRESS]), ("a_2", bare)):
+        write_bag(tmp_path / "robot" / f"{part}.mcap", (events, TOPICS))
+    held = np.concatenate([TRUTH, np.broadcast_to(TRUTH[-1], TRUTH.shape)])
+    assert_right(read_recorded(tmp_path / "robot"), held)
+    assert_right(read_recorded(write_bag(tmp_path / "one.mcap", ([*EVENTS, *bare], TOPICS))), held)
+
+
+def test_a_recording_of_one_connection_that_goes_on_after_a_pause_takes_no_earlier_press(
+    tmp_path: Path,
+) -> None:
+    pause = [*EVENTS[:40], *later(EVENTS[45:], 60.0)]
+    write_bag(tmp_path / "two" / "a_1.mcap", (pause[:40], TOPICS))
+    write_bag(tmp_path / "two" / "a_2.mcap", (pause[40:], TOPICS))
+    found = read_recorded(tmp_path / "two")
+    assert found.left_out > 0
+    assert_right(found, count=len(TRUTH) - found.lost - found.left_out)
+
+
 def test_a_copy_of_a_file_in_the_folder_doubles_no_frame(tmp_path: Path) -> None:
     write_bag(tmp_path / "bag" / "a.mcap", (EVENTS, TOPICS))
     write_bag(tmp_path / "bag" / "a copy.mcap", (EVENTS, TOPICS))
@@ -320,13 +360,62 @@ def test_other_definitions_of_the_messages_are_read_by_them_or_refused(tmp_path:
     )
 
 
-def test_a_damaged_chunk_costs_its_frames_and_no_label(tmp_path: Path) -> None:
-    whole = write_bag(tmp_path / "a.mcap", (EVENTS, TOPICS), chunk_bytes=4096).read_bytes()
+def middle_chunk(whole: bytes) -> int:
+    """Where the chunk in the middle of an MCAP file begins."""
     at, chunks = 8, []
     while whole[at] != 15:  # the end of data
         chunks += [at] * (whole[at] == 6)
         at += 9 + int.from_bytes(whole[at + 1 : at + 9], "little")
-    place = chunks[len(chunks) // 2]
+    return chunks[len(chunks) // 2]
+
+
+def test_topics_of_training_data_are_those_of_the_bags_among_them(tmp_path: Path) -> None:
+    left, right = sides("/{}/{}")
+    other, truth = session(0.013, seed=2)
+    bag, plain = write_bag(tmp_path / "two.mcap", (EVENTS, left), (other, right)), tmp_path / "b.nc"
+    write_netcdf(read_recorded(bag, topic=right[FRAME]), plain, "b")
+    data, _ = _training_data([bag, plain], None, left[FRAME], left[PRESS])
+    np.testing.assert_array_equal(data.press_mm, np.concatenate([TRUTH, truth]))
+    with pytest.raises(InputError, match=r"--topic /left/frame: .*b\.nc is not a bag"):
+        _training_data([plain], None, left[FRAME], None)
+
+
+def test_what_is_missing_of_a_recording_is_said_by_its_copies(tmp_path: Path) -> None:
+    whole = write_bag(tmp_path / "a.mcap", (EVENTS, TOPICS), chunk_bytes=2048).read_bytes()
+    write_mcap(read_recorded(tmp_path / "a.mcap"), tmp_path / "clean.mcap")
+    assert b"optopad_losses" not in (tmp_path / "clean.mcap").read_bytes()
+    place, file = middle_chunk(whole), tmp_path / "b.mcap"
+    copies = [tmp_path / "b" / "b.mcap", tmp_path / "c" / "c.mcap"]
+    for folder in ("b", "c"):
+        (tmp_path / folder).mkdir()
+    for content in (whole[: place + 500] + b"x" + whole[place + 501 :], whole[:place], whole[: place + 99]):
+        file.write_bytes(content)
+        original = read_recorded(file)
+        assert not original.is_whole
+        write_mcap(original, copies[0])
+        write_mcap(read_recorded(copies[0]), copies[1])
+        (copies[1].parent / "copy.mcap").write_bytes(copies[1].read_bytes())
+        for copy in copies:
+            found = read_recorded(copy)
+            assert_equal(original, found)
+            assert (found.losses, found.is_whole) == (original.losses, False)
+        found = read_recorded(copies[1].parent)
+        assert (found.lost, found.left_out, found.stray_bytes, found.doubled) == (
+            original.lost,
+            original.left_out,
+            original.stray_bytes,
+            len(found.sequence),
+        )
+        write_csv(original, tmp_path / "b.csv", "b.mcap")
+        assert read_recording(tmp_path / "b.csv").notes == (f"b.csv: {original.losses}",)
+        content = copies[0].read_bytes()
+        copies[0].write_bytes(content.replace(b"stray_bytes", b"stray_bytez"))
+        assert "metadata optopad_losses are damaged" in refused(copies[0])
+
+
+def test_a_damaged_chunk_costs_its_frames_and_no_label(tmp_path: Path) -> None:
+    whole = write_bag(tmp_path / "a.mcap", (EVENTS, TOPICS), chunk_bytes=4096).read_bytes()
+    place = middle_chunk(whole)
     # a byte of the packed data; the record's type: unknown, of another program, an end
     for offset, flip in ((500, 0xFF), (0, 0x40), (0, 0x80), (0, 0x04)):
         content = bytearray(whole)

@@ -130,6 +130,7 @@ def test_every_frame_is_readable_after_a_flush_at_any_rate(tmp_path: Path) -> No
     found = read_recorded(tmp_path / "a.mcap")
     assert len(found.sequence) == len(FRAMES)
     assert not found.ended_cleanly
+    assert found.losses == f"{found.lost} lost; the recorder did not end it"
     recorder = Recorder(tmp_path / "slow.mcap", CONFIG)
     for k, message in enumerate(FRAMES[:4]):
         recorder.frame(message, BEGUN_S + 0.2 * k)

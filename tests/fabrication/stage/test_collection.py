@@ -11,11 +11,14 @@ import xarray as xr
 
 from design.errors import DeviceError, InputError
 from design.recordings import SetEntry
-from fabrication.stage.collection import Collector
+from fabrication.driver.link.frames import FrameDecoder
+from fabrication.driver.link.protocol import frame_format
+from fabrication.stage.collection import CollectedParts, Collector
 from fabrication.stage.stage import PressList, press_list, read_press_list
 from fabrication.stage.tip_path import NOWHERE, joined_path, leg
 from sims.readings.dataset import read_data
 from tests.fabrication.driver.made_up_pad import press_table
+from tests.fabrication.driver.test_mcap_file import BEGUN_S, CONFIG, FRAMES
 from tests.fabrication.stage.made_up_bench import MIDDLE, bench
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="needs pseudo-terminals")
@@ -102,6 +105,18 @@ def test_a_path_is_unknown_where_a_part_of_it_is_lost() -> None:
     assert np.isfinite(found[[0, -1]]).all()
     assert joined_path([]) is None
     assert joined_path([np.array([[5.0, 1, 1, -5], [1.0, 1, 1, 2]])]) is None  # the clock was set back
+
+
+def test_a_collection_says_how_many_of_its_presses_are_made(tmp_path: Path) -> None:
+    parts = CollectedParts(tmp_path / "a.nc", {})
+    parts.begin()
+    decoder = FrameDecoder(frame_format(CONFIG))
+    for number, said in enumerate(("0 lost; 1 of 3 presses made", "0 lost; 2 of 3 presses made", "0 lost")):
+        frames = decoder.decoded(FRAMES[3 * number : 3 * number + 3], BEGUN_S + number)
+        parts.save(number, frames, [(10.0, 10.0, 1.0)] * 3, [])
+        found = parts.recorded(CONFIG, PRESSES)
+        assert found is not None
+        assert (found.losses, found.is_whole) == (said, number == 2)
 
 
 @pytest.mark.slow
