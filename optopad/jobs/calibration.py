@@ -16,7 +16,7 @@ from design.io import save_design, write_text_atomically
 from design.progress import OnStep
 from design.spec import SensorDesign
 from fabrication.driver.recording.force_log import ForceLog, read_force_log
-from fabrication.driver.recording.joined_log import Offset
+from fabrication.driver.recording.joined_log import Offset, measured_s
 from fabrication.driver.recording.recorded import require_rising
 from optopad.jobs.force_clock import force_clock
 from optopad.work import as_netcdf
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 MOST_BYTES = 2_000_000_000
 """Largest unpacked size of a recording whose presses are read [bytes]."""
 FRAMES = ("host_time", "press_x", "press_y", "press_depth")
+BOARD = ("device_time", "connection")
 MOVES = ("move_time", "move_x", "move_y", "move_depth")
 MOVE_STEP_S = 0.05
 """Longest time between two positions of a moving tip [s]."""
@@ -148,7 +149,10 @@ def _pressed_force(netcdf: Path, log: ForceLog, offset: Offset) -> tuple[FloatAr
 
 
 def _labelled(dataset: xr.Dataset, netcdf: Path) -> TipPath:
-    """The tip's positions at the frames of a recording; raises InputError if they do not show its motion."""
+    """The tip's positions at the frames of a recording; raises InputError if they do not show its motion.
+
+    A frame has the time at which a stage's log was joined to it, and of frames with the same time the first is taken.
+    """
     missing = [name for name in FRAMES if name not in dataset]
     if missing:
         raise InputError(
@@ -156,7 +160,14 @@ def _labelled(dataset: xr.Dataset, netcdf: Path) -> TipPath:
         )
     host_s, *press = (np.asarray(dataset[name].values, dtype=np.float64) for name in FRAMES)
     require_rising(host_s)
-    path = TipPath(time_s=host_s, press_mm=np.stack(press, axis=1))
+    time_s = host_s
+    board = [np.asarray(dataset[name].values, dtype=np.float64) for name in BOARD if name in dataset]
+    if len(board) == len(BOARD) and all(
+        one.shape == host_s.shape and np.isfinite(one).all() for one in board
+    ):
+        time_s = measured_s(host_s, board[0], board[1].astype(np.int64))
+    rises = np.diff(time_s, prepend=-np.inf) > 0.0
+    path = TipPath(time_s=time_s[rises], press_mm=np.stack(press, axis=1)[rises])
     require_motion(path)
     return path
 
