@@ -175,7 +175,8 @@ def _labelled(dataset: xr.Dataset, netcdf: Path) -> TipPath:
 def _moves(dataset: xr.Dataset) -> TipPath:
     """The tip's path that `driver collect` writes: its knots, and positions between those of a move.
 
-    A press around which a part of the path is unknown has a gap there, so no force is fitted to it.
+    Stretches around a knot without a position remain unknown: no force is fitted to a press that begins or ends in one,
+    and none within it counts as force at rest.
     """
     knots = np.stack([np.asarray(dataset[name].values, dtype=np.float64) for name in MOVES], axis=1)
     moves = (np.diff(knots[:, 1:], axis=0) != 0.0).any(axis=1) & np.isfinite(knots[1:] + knots[:-1]).all(
@@ -186,9 +187,14 @@ def _moves(dataset: xr.Dataset) -> TipPath:
     place = np.arange(ends[-1] + 1)
     row = np.interp(place, ends, np.arange(len(knots)))
     whole = np.stack([np.interp(row, np.arange(len(knots)), axis) for axis in knots.T], axis=1)
-    whole = whole[np.isfinite(whole).all(axis=1)]
-    rises = np.concatenate([[True], np.diff(whole[:, 0]) > 0.0])
-    return TipPath(time_s=whole[rises, 0], press_mm=whole[rises, 1:])
+    known = np.isfinite(whole).all(axis=1)
+    whole, part = whole[known], np.cumsum(~known)[known]
+    rises = np.diff(whole[:, 0], prepend=-np.inf) > 0.0
+    return TipPath(
+        time_s=whole[rises, 0],
+        press_mm=whole[rises, 1:],
+        after_unknown=1 + np.flatnonzero(np.diff(part[rises])),
+    )
 
 
 def build_model(

@@ -79,6 +79,24 @@ def test_the_moves_that_collect_wrote_give_the_force_its_course(
     assert found.modulus_mpa == pytest.approx(same.modulus_mpa, rel=0.003)
 
 
+def test_a_press_that_nobody_recorded_is_no_rest_of_its_neighbours(tmp_path: Path) -> None:
+    time_s, press_mm, force_n = pressed(9, 0.8)
+    time_s = BEGUN_S + time_s
+    last = TipPath(time_s=time_s, press_mm=press_mm).contacts[4, 1]  # of the press in the middle
+    first = TipPath(time_s=time_s, press_mm=press_mm).contacts[3, 1] + 12
+    rows = np.column_stack([time_s, press_mm])
+    unknown = np.array([[time_s[last + 5], np.nan, np.nan, np.nan]])
+    moves = np.concatenate([rows[:first], unknown, rows[last + 5 :]])
+    names = ("move_time", "move_x", "move_y", "move_depth")
+    dataset = xr.Dataset({name: ("move", moves[:, k]) for k, name in enumerate(names)})
+    dataset.to_netcdf(tmp_path / "cut.nc", engine="h5netcdf")
+    log = ForceLog(file="cell.csv", time_s=time_s, force_n=force_n)
+    found = fit_force(PAD, *_pressed_force(tmp_path / "cut.nc", log, None))
+    assert found.modulus_mpa == pytest.approx(0.8 * found.design_mpa, rel=0.003)
+    assert found.single_mpa == pytest.approx([0.8 * found.design_mpa] * 8, rel=0.003)
+    assert found.relative_sigma < 0.001
+
+
 @pytest.mark.parametrize(("board", "busy_s"), [(True, 0.8), (False, 0.0)])
 def test_frames_that_are_read_together_or_late_give_the_same_modulus(
     board: bool, busy_s: float, files: tuple[Path, Path], tmp_path: Path
