@@ -16,7 +16,7 @@ from design.io import save_design, write_text_atomically
 from design.progress import OnStep
 from design.spec import SensorDesign
 from fabrication.driver.recording.force_log import ForceLog, read_force_log
-from fabrication.driver.recording.joined_log import Offset
+from fabrication.driver.recording.joined_log import Offset, measured_s
 from fabrication.driver.recording.recorded import require_rising
 from optopad.jobs.force_clock import force_clock
 from optopad.work import as_netcdf
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 MOST_BYTES = 2_000_000_000
 """Largest unpacked size of a recording whose presses are read [bytes]."""
 FRAMES = ("host_time", "press_x", "press_y", "press_depth")
+BOARD = ("device_time", "connection")
 MOVES = ("move_time", "move_x", "move_y", "move_depth")
 MOVE_STEP_S = 0.05
 """Longest time between two positions of a moving tip [s]."""
@@ -148,7 +149,10 @@ def _pressed_force(netcdf: Path, log: ForceLog, offset: Offset) -> tuple[FloatAr
 
 
 def _labelled(dataset: xr.Dataset, netcdf: Path) -> TipPath:
-    """The tip's positions at the frames of a recording; raises InputError if they do not show its motion."""
+    """The tip's positions at the frames of a recording; raises InputError if they do not show its motion.
+
+    A frame has the time at which a stage's log was joined to it, and of frames with the same time the first is taken.
+    """
     missing = [name for name in FRAMES if name not in dataset]
     if missing:
         raise InputError(
@@ -156,7 +160,14 @@ def _labelled(dataset: xr.Dataset, netcdf: Path) -> TipPath:
         )
     host_s, *press = (np.asarray(dataset[name].values, dtype=np.float64) for name in FRAMES)
     require_rising(host_s)
-    path = TipPath(time_s=host_s, press_mm=np.stack(press, axis=1))
+    time_s = host_s
+    board = [np.asarray(dataset[name].values, dtype=np.float64) for name in BOARD if name in dataset]
+    if len(board) == len(BOARD) and all(
+        one.shape == host_s.shape and np.isfinite(one).all() for one in board
+    ):
+        time_s = measured_s(host_s, board[0], board[1].astype(np.int64))
+    rises = np.diff(time_s, prepend=-np.inf) > 0.0
+    path = TipPath(time_s=time_s[rises], press_mm=np.stack(press, axis=1)[rises])
     require_motion(path)
     return path
 
@@ -164,7 +175,8 @@ def _labelled(dataset: xr.Dataset, netcdf: Path) -> TipPath:
 def _moves(dataset: xr.Dataset) -> TipPath:
     """The tip's path that `driver collect` writes: its knots, and positions between those of a move.
 
-    A press around which a part of the path is unknown has a gap there, so no force is fitted to it.
+    Stretches around a knot without a position remain unknown: no force is fitted to a press that begins or ends in one,
+    and none within it counts as force at rest.
     """
     knots = np.stack([np.asarray(dataset[name].values, dtype=np.float64) for name in MOVES], axis=1)
     moves = (np.diff(knots[:, 1:], axis=0) != 0.0).any(axis=1) & np.isfinite(knots[1:] + knots[:-1]).all(
@@ -175,9 +187,14 @@ def _moves(dataset: xr.Dataset) -> TipPath:
     place = np.arange(ends[-1] + 1)
     row = np.interp(place, ends, np.arange(len(knots)))
     whole = np.stack([np.interp(row, np.arange(len(knots)), axis) for axis in knots.T], axis=1)
-    whole = whole[np.isfinite(whole).all(axis=1)]
-    rises = np.concatenate([[True], np.diff(whole[:, 0]) > 0.0])
-    return TipPath(time_s=whole[rises, 0], press_mm=whole[rises, 1:])
+    known = np.isfinite(whole).all(axis=1)
+    whole, part = whole[known], np.cumsum(~known)[known]
+    rises = np.diff(whole[:, 0], prepend=-np.inf) > 0.0
+    return TipPath(
+        time_s=whole[rises, 0],
+        press_mm=whole[rises, 1:],
+        after_unknown=1 + np.flatnonzero(np.diff(part[rises])),
+    )
 
 
 def build_model(

@@ -20,8 +20,9 @@ from the time t_1 at which the approaching contact was as large as now:
 
 The elastic contact gives F(t) = a max(F_e(D) + e q_F, 0). Which of the two is nearer to a thick, strongly indented
 layer is not known, so the retraction is (1 - κ) times the latter and κ times the former; the fit has κ as an unknown.
-Between the path's rows the tip moves in a straight line. Rows are added so that no step in contact is longer than
-`STEP_MM` and `STEP_S`.
+Between the path's rows the tip moves in a straight line, except over the stretches that `TipPath.after_unknown` names:
+there it may have pressed, so no press, rest or pause reaches into them. Rows are added so that no step in contact is
+longer than `STEP_MM` and `STEP_S`.
 
 Labels that jump
 ----------------
@@ -37,7 +38,7 @@ of the previous press; averaging within the load cell's amplifier, apart from it
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -86,36 +87,47 @@ LOW, HALF = 0.05, 0.5
 class TipPath:
     """Positions of the tip: `time_s` (m,), increasing [s], and `press_mm` (m, 3), location and depth [mm].
 
-    A depth of 0 or less means no contact.
+    A depth of 0 or less means no contact. `after_unknown` (k,) are the rows since whose row before the positions are
+    unknown, in increasing order and from 1.
     """
 
     time_s: FloatArray
     press_mm: FloatArray
+    after_unknown: IntArray = field(default_factory=lambda: np.empty(0, np.int64))
 
     @property
     def contacts(self) -> IntArray:
         """(press, 2) first row in contact, and first row after it, of each press.
 
         Noise of the depth near 0 does not divide a press: pauses above -`FLICKER_MM` and below `FLICKER_S` count as
-        contact.
+        contact. An unknown stretch does.
         """
         depth = self.press_mm[:, 2]
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], depth > 0.0, [False]]).astype(np.int8)))
-        begins, ends = edges.reshape(-1, 2).T
+        touched = depth > 0.0
+        anew = np.zeros(len(depth) + 1, dtype=bool)
+        anew[self.after_unknown] = anew[0] = anew[-1] = True
+        begins = np.flatnonzero(touched & (anew[:-1] | ~np.roll(touched, 1)))
+        ends = np.flatnonzero(touched & (anew[1:] | ~np.roll(touched, -1))) + 1
         if not len(begins):
-            return edges.reshape(-1, 2)
-        short = self.time_s[begins[1:]] - self.time_s[ends[:-1] - 1] < FLICKER_S
+            return np.empty((0, 2), np.int64)
+        part = np.cumsum(anew)
+        known = part[ends[:-1] - 1] == part[begins[1:]]
+        short = known & (self.time_s[begins[1:]] - self.time_s[ends[:-1] - 1] < FLICKER_S)
         near = np.array(
-            [depth[a:b].min() > -FLICKER_MM for a, b in zip(ends[:-1], begins[1:], strict=True)], bool
+            [depth[a:b].min(initial=0.0) > -FLICKER_MM for a, b in zip(ends[:-1], begins[1:], strict=True)],
+            bool,
         )
         apart = ~(short & near)
         return np.stack([begins[np.append(True, apart)], ends[np.append(apart, True)]], axis=1)
 
     @property
     def touches_s(self) -> tuple[FloatArray, FloatArray]:
-        """Times at which the presses begin, and at which they end, interpolated [s]; those within the path only."""
-        begin, end = self.contacts.T
-        return self._crossings_s(begin[begin > 0] - 1), self._crossings_s(end[end < len(self.time_s)] - 1)
+        """Times at which the presses begin, and at which they end, interpolated [s]; those on a known path only."""
+        begin, end = (
+            rows[(rows > 0) & (rows < len(self.time_s)) & ~np.isin(rows, self.after_unknown)]
+            for rows in self.contacts.T
+        )
+        return self._crossings_s(begin - 1), self._crossings_s(end - 1)
 
     def _crossings_s(self, row: IntArray) -> FloatArray:
         depth, time_s = self.press_mm[:, 2], self.time_s
@@ -224,13 +236,18 @@ def press_windows(
 
 
 def spans(path: TipPath) -> list[tuple[int, int, slice]]:
-    """First row in contact, first row after it, and rows up to the neighbouring presses, of each usable press."""
+    """First row in contact, first row after it, and rows up to the neighbours, of each usable press.
+
+    A neighbour is a press or an unknown stretch; a press at which one begins or ends is not usable.
+    """
     contacts, count = path.contacts, len(path.time_s)
     found = []
     for k, (begin, end) in enumerate(contacts):
         first = int(contacts[k - 1, 1]) if k else 0
         last = int(contacts[k + 1, 0]) if k + 1 < len(contacts) else count
-        if begin > 0 and end < count and path.press_mm[begin:end, 2].max() >= LEAST_DEPTH_MM:
+        first = int(path.after_unknown[path.after_unknown <= begin].max(initial=first))
+        last = int(path.after_unknown[path.after_unknown >= end].min(initial=last))
+        if first < begin and end < last and path.press_mm[begin:end, 2].max() >= LEAST_DEPTH_MM:
             found.append((int(begin), int(end), slice(first, last)))
     return found
 

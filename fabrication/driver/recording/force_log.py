@@ -57,6 +57,7 @@ IMPOSSIBLE_RANGES = 4.0
 MOST_LEFT_OUT = 0.01
 """Largest share of samples that are left out [-]; three samples always are."""
 LEAST_SAMPLES = 8
+"""Least number of samples of a log, without those that are left out."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,13 +86,14 @@ def read_force_log(file: Path) -> ForceLog:
     Raises
     ------
     InputError : the file cannot be read, a column or number is missing, the force has another unit or none, the times
-        do not increase, or many samples are no numbers or spikes.
+        do not increase, many samples are no numbers or spikes, or fewer than 8 others are left.
     """
     table, doubled = log_table(file, NEEDED)
     name, unit_n = _force_column(table)
     rows = len(table.rows)
     missing = [k for k, text in enumerate(table.column(name)) if _is_no_number(text)]
     _require_few(table, missing, f"{name} is no number", "is the cell connected?")
+    _require_samples(table, len(table.rows) - len(missing))
     kept = table.without(missing)
     time_s = times_of(kept, NEEDED)
     require_rising(kept, time_s)
@@ -101,6 +103,7 @@ def read_force_log(file: Path) -> ForceLog:
     _require_few(
         kept, spikes, f"{name} is a spike {rate}", "is a wire loose, or are presses shorter than two samples?"
     )
+    _require_samples(table, len(kept.rows) - len(spikes))
     notes = [
         None if unit_n == 1.0 else f"{name} was multiplied by {unit_n:g}, to newtons",
         _note(doubled, "are equal to the row before"),
@@ -152,6 +155,14 @@ def _require_few(table: CsvTable, rows: list[int], what: str, question: str) -> 
         )
 
 
+def _require_samples(table: CsvTable, count: int) -> None:
+    if count < LEAST_SAMPLES:
+        raise InputError(
+            f"{table.file}: has {count} forces in {len(table.rows)} rows, needs {LEAST_SAMPLES} at least; record the "
+            "force during the whole recording"
+        )
+
+
 def _note(lines: list[int] | tuple[int, ...], what: str) -> str | None:
     if not lines:
         return None
@@ -161,8 +172,6 @@ def _note(lines: list[int] | tuple[int, ...], what: str) -> str | None:
 
 def _spikes(force_n: FloatArray) -> list[int]:
     """Samples that are single spikes or impossible, see the module docstring."""
-    if len(force_n) < LEAST_SAMPLES:
-        return []
     near = np.lib.stride_tricks.sliding_window_view(np.pad(force_n, 2, mode="reflect"), 5)
     smooth = np.median(near, axis=1)
     low, high = float(smooth.min()), float(smooth.max())

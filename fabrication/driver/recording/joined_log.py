@@ -8,11 +8,12 @@ counted.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
 
-from design.arrays import FloatArray
+from design.arrays import FloatArray, IntArray
 from design.errors import InputError
 from fabrication.driver.descriptor import descriptor_of
 from fabrication.driver.recording.clock_match import (
@@ -70,7 +71,7 @@ def joined(recorded: Recorded, log: PositionLog, offset: Offset = None) -> Joine
         found or is ambiguous.
     """
     require_rising(recorded.host_s)
-    host_s = _measured_s(recorded)
+    host_s = measured_s(recorded.host_s, recorded.device_s, recorded.connection)
     said = descriptor_of(recorded.config)
     seen = touches_of_signals(host_s, recorded.signals, 0.98 * said.full_scale)
     logged = touches_of_log(log)
@@ -92,21 +93,28 @@ def joined(recorded: Recorded, log: PositionLog, offset: Offset = None) -> Joine
     )
 
 
-def _measured_s(recorded: Recorded) -> FloatArray:
-    """Arrival time of each frame by the host's clock, shape (n,) [s].
+def measured_s(host_s: FloatArray, device_s: FloatArray, connection: IntArray) -> FloatArray:
+    """Arrival time of each frame by the host's clock, never decreasing, shape (n,) [s].
 
-    For frames that had to wait because the host was busy, the time is derived from the board's clock.
+    For frames that had to wait because the host was busy, the time is derived from the board's clock. Frames that were
+    read together have the same time.
+
+    Parameters
+    ----------
+    host_s : host's time of arrival of each frame, never decreasing, shape (n,) [s]
+    device_s, connection : board's time [s] and connection number of each frame, shape (n,); the board's clock starts
+        anew where the number changes, or where it goes back
     """
-    late_s = np.zeros(len(recorded.host_s))
-    for number in np.unique(recorded.connection):
-        own = recorded.connection == number
-        device_s = recorded.device_s[own]
-        lag_s, block = recorded.host_s[own] - device_s, ((device_s - device_s[0]) // LAG_S).astype(np.int64)
+    late_s = np.zeros(len(host_s))
+    anew = 1 + np.flatnonzero((np.diff(connection) != 0) | (np.diff(device_s) < 0.0))
+    for begin, end in pairwise([0, *anew.tolist(), len(host_s)]):
+        own_s = device_s[begin:end]
+        lag_s, block = host_s[begin:end] - own_s, ((own_s - own_s[0]) // LAG_S).astype(np.int64)
         least_s = np.full(block.max() + 3, np.inf)
         np.minimum.at(least_s, block + 1, lag_s)
         near_s = np.minimum(np.minimum(least_s[:-2], least_s[1:-1]), least_s[2:])
-        late_s[own] = lag_s - near_s[block]
-    found: FloatArray = np.maximum.accumulate(recorded.host_s - np.where(late_s > LATE_S, late_s, 0.0))
+        late_s[begin:end] = lag_s - near_s[block]
+    found: FloatArray = np.maximum.accumulate(host_s - np.where(late_s > LATE_S, late_s, 0.0))
     return found
 
 

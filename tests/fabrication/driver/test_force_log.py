@@ -82,11 +82,11 @@ def test_a_column_that_leaves_its_unit_open_is_refused_with_the_name_to_give(
                          ("timestamp_ms", 1e-3)]
 )  # fmt: skip
 def test_a_time_in_any_spelling_is_read_in_seconds(name: str, tick_s: float, tmp_path: Path) -> None:
-    rows = [f"{at / tick_s:.0f},{k},1,1" for k, at in enumerate(range(5))]
+    rows = [f"{at / tick_s:.0f},{force},1,1" for at, force in enumerate([0] * 4 + [4] * 5)]
     heading = f"{name},force_n,Y (mm),Depth/\N{MICRO SIGN}m"
-    assert read_force_log(written(tmp_path, rows, heading)).time_s == pytest.approx(range(5))
+    assert read_force_log(written(tmp_path, rows, heading)).time_s == pytest.approx(range(9))
     stage = read_position_log(written(tmp_path, rows, heading.replace("force_n", "X (cm)")))
-    assert stage.time_s == pytest.approx(range(5))
+    assert stage.time_s == pytest.approx(range(9))
     assert stage.press_mm[4] == pytest.approx([40.0, 1.0, 0.001])
 
 
@@ -136,16 +136,24 @@ def test_rows_that_contradict_and_a_logger_that_starts_anew_are_refused_by_row(t
         read_force_log(torn)
     with pytest.raises(InputError, match="row 1 has numbers and no heading"):
         read_force_log(written(tmp_path, ROWS[1:], ROWS[0]))
-    for unit, period in (("ms", 2**32), ("us", 2**32)):
-        ticks = (
-            [period - 150, period - 50, 50, 150] if unit == "ms" else [period - 10**5, 5, 10**5, 2 * 10**5]
-        )
-        found = read_force_log(
-            written(tmp_path, [f"{one},{k}" for k, one in enumerate(ticks)], f"time_{unit},force_n")
-        )
-        assert np.diff(found.time_s) == pytest.approx([0.1] * 3, rel=0.01)
-        ticks[:2] = [int(2.4e9), int(2.4e9) + 100]  # 40 minutes of microseconds: a reset, no wrap
-        with pytest.raises(InputError, match="the times do not rise: row 4 is"):
-            read_force_log(
-                written(tmp_path, [f"{one},{k}" for k, one in enumerate(ticks)], f"time_{unit},force_n")
-            )
+    for unit, step in (("ms", 100), ("us", 10**5)):
+        ticks = [(2**32 + step * k) % 2**32 for k in range(-5, 5)]  # the counter wraps
+        found = read_force_log(written(tmp_path, [f"{one},1" for one in ticks], f"time_{unit},force_n"))
+        assert np.diff(found.time_s) == pytest.approx([0.1] * 9, rel=0.01)
+        ticks[:5] = [int(2.4e9) + k for k in range(5)]  # 40 minutes of microseconds: a reset, no wrap
+        with pytest.raises(InputError, match="the times do not rise: row 7 is"):
+            read_force_log(written(tmp_path, [f"{one},1" for one in ticks], f"time_{unit},force_n"))
+
+
+@pytest.mark.parametrize(
+    ("forces", "told"),
+    [
+        (["nan"] * 3, "has 0 forces in 3 rows, needs 8 at least; record the force"),
+        (["nan", "nan", "nan", "1.0"], "has 1 forces in 4 rows, needs 8"),
+        ([str(0.1 * (k % 3)) for k in range(7)], "has 7 forces in 7 rows, needs 8"),
+        (["0.1", "0.2", "0.1", "0.2", "0.1", "0.2", "0.1", "90.0"], "has 7 forces in 8 rows, needs 8"),
+    ],
+)
+def test_a_log_with_few_samples_is_refused(forces: list[str], told: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=told):
+        read_force_log(written(tmp_path, [f"{k},{force}" for k, force in enumerate(forces)]))

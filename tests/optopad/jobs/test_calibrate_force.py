@@ -79,6 +79,54 @@ def test_the_moves_that_collect_wrote_give_the_force_its_course(
     assert found.modulus_mpa == pytest.approx(same.modulus_mpa, rel=0.003)
 
 
+def test_a_press_that_nobody_recorded_is_no_rest_of_its_neighbours(tmp_path: Path) -> None:
+    time_s, press_mm, force_n = pressed(9, 0.8)
+    time_s = BEGUN_S + time_s
+    last = TipPath(time_s=time_s, press_mm=press_mm).contacts[4, 1]  # of the press in the middle
+    first = TipPath(time_s=time_s, press_mm=press_mm).contacts[3, 1] + 12
+    rows = np.column_stack([time_s, press_mm])
+    unknown = np.array([[time_s[last + 5], np.nan, np.nan, np.nan]])
+    moves = np.concatenate([rows[:first], unknown, rows[last + 5 :]])
+    names = ("move_time", "move_x", "move_y", "move_depth")
+    dataset = xr.Dataset({name: ("move", moves[:, k]) for k, name in enumerate(names)})
+    dataset.to_netcdf(tmp_path / "cut.nc", engine="h5netcdf")
+    log = ForceLog(file="cell.csv", time_s=time_s, force_n=force_n)
+    found = fit_force(PAD, *_pressed_force(tmp_path / "cut.nc", log, None))
+    assert found.modulus_mpa == pytest.approx(0.8 * found.design_mpa, rel=0.003)
+    assert found.single_mpa == pytest.approx([0.8 * found.design_mpa] * 8, rel=0.003)
+    assert found.relative_sigma < 0.001
+
+
+@pytest.mark.parametrize(("board", "busy_s"), [(True, 0.8), (False, 0.0)])
+def test_frames_that_are_read_together_or_late_give_the_same_modulus(
+    board: bool, busy_s: float, files: tuple[Path, Path], tmp_path: Path
+) -> None:
+    recording = xr.load_dataset(files[0], engine="h5netcdf")
+    at, *press = (recording[name].values for name in calibration.FRAMES)
+    sent_s = np.arange(at[0], at[-1], 0.005)
+    host_s = np.repeat(sent_s[3::4], 4)  # four frames a read
+    sent_s = sent_s[: len(host_s)]
+    measured_s = host_s.copy()
+    for begin in at[0] + np.arange(4.0, at[-1] - at[0], 4.0):  # the host is busy every four seconds
+        late = (host_s > begin) & (host_s < begin + busy_s)
+        host_s[late], measured_s[late] = begin + busy_s, sent_s[late]
+    values = {"host_time": host_s}
+    values |= {
+        name: np.interp(measured_s, at, axis)
+        for name, axis in zip(calibration.FRAMES[1:], press, strict=True)
+    }
+    if board:
+        second = sent_s > sent_s.mean()  # the board restarts, and its clock with it
+        values["device_time"] = sent_s - np.where(second, sent_s[second][0], sent_s[0])
+        values["connection"] = 1 + second
+    dataset = xr.Dataset({name: ("time", value) for name, value in values.items()})
+    dataset.to_netcdf(tmp_path / "batches.nc", engine="h5netcdf")
+    found = fit_force(PAD, *_pressed_force(tmp_path / "batches.nc", read_force_log(files[1]), None))
+    low, high = found.intervals["youngs_modulus_mpa"]
+    assert low < 0.8 * found.design_mpa < high
+    assert found.modulus_mpa == pytest.approx(0.8 * found.design_mpa, rel=0.01)
+
+
 def test_the_clock_is_found_under_a_drift_of_the_tare_and_of_the_clock() -> None:
     time_s, press_mm, force_n = pressed(12, 0.7)
     path = TipPath(time_s=time_s, press_mm=press_mm)

@@ -17,6 +17,7 @@ from sims.learning.press_force import (
     force_at,
     relaxing_part,
     smoothed,
+    spans,
 )
 from tests.sims.contact.test_viscoelastic import ting_load, triangle
 
@@ -75,3 +76,18 @@ def test_flicker_of_the_depth_near_zero_does_not_divide_a_press() -> None:
     path = TipPath(time_s=0.04 * np.arange(len(depth)), press_mm=np.column_stack([depth, depth, depth]))
     assert path.contacts.tolist() == [[1, 9], [11, 12]]
     assert [len(times) for times in path.touches_s] == [2, 2]
+
+
+def test_an_unknown_stretch_divides_presses_and_pauses() -> None:
+    depth = np.array([-1.0, 1.0, 1.0, -1.0, -1.0, -1.0, 1.0, -1.0, 1.0, 1.0, -1.0, 1.0, -1.0])
+    path = TipPath(
+        time_s=np.arange(13.0),
+        press_mm=np.column_stack([depth, depth, depth]),
+        after_unknown=np.array([4, 9, 12]),
+    )
+    assert path.contacts.tolist() == [[1, 3], [6, 7], [8, 9], [9, 10], [11, 12]]
+    assert [len(times) for times in path.touches_s] == [4, 3]
+    assert [(begin, end, rows.start, rows.stop) for begin, end, rows in spans(path)] == [
+        (1, 3, 0, 4),
+        (6, 7, 4, 8),
+    ]
