@@ -282,7 +282,7 @@ def _current_remark(sheet: LedSheet | PhotodiodeSheet) -> dict[str, str]:
         return {}
     return {
         "Current": f"the test current of {sheet.current_ma:g} mA is taken as the largest continuous current. Give that "
-        "of the sheet with --max-current: a test current that is pulsed must not be used, as it destroys the LED."
+        "of the sheet with --max-current: a test current that is pulsed must not be used, since it may destroy the LED."
     }
 
 
