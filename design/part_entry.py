@@ -151,7 +151,13 @@ class PartEntry:
         fields = self.part.model_dump(mode="json", exclude_none=True)
         lines = [f"# {self.part_id}, by `optopad part new`"]
         for title, remark in self.remarks.items():
-            lines += wrap(f"{title}: {remark}", WIDTH, initial_indent="# ", subsequent_indent="#   ")
+            lines += wrap(
+                f"{title}: {remark}",
+                WIDTH,
+                initial_indent="# ",
+                subsequent_indent="#   ",
+                break_on_hyphens=False,
+            )
         lines += [f"[parts.{self.part_id}]"]
         lines += [f"{name} = {_toml(value)}" for name, value in fields.items() if value != []]
         return "\n".join(lines) + "\n"

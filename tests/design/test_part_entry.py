@@ -207,6 +207,7 @@ def test_a_test_current_is_inferred_and_a_remark_asks_for_the_continuous_one():
     assert (most.value, most.confidence) == (1000.0, "inferred")
     assert most.source.endswith("test current, taken as the largest continuous current")
     assert "--max-current" in entry.remarks["Current"]
+    assert "--max-current" in entry.text()
     continuous = part_entry(replaced(pulsed, max_current_ma=100.0))
     assert continuous.part.max_current_ma.confidence == "read"
     assert "Current" not in continuous.remarks
