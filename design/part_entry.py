@@ -40,6 +40,8 @@ SPREAD = 2.0
 """Factor by which the power may be larger or smaller: sheets state typical intensities, and beams have side lobes."""
 GREEN_ENDS_NM, RED_ENDS_NM = 560.0, 700.0
 """Longest wavelengths of InGaN chips (blue, green) and of AlGaInP chips (yellow to red)."""
+NM_W_PER_A = 1240.0
+"""Photon energy times wavelength, per charge: a photodiode with one electron per photon has wavelength / 1240 A/W."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,7 +76,7 @@ class LedSheet(Sheet):
     intensity : on the axis, at `current_ma`
     wavelength_nm : peak or dominant wavelength; None for a white LED
     current_ma : test current of the intensity
-    max_current_ma : largest continuous current; None for the test current
+    max_current_ma : largest continuous current; None for the test current, with a remark
     forward_voltage_v : at the test current; None for the usual one of the colour
     """
 
@@ -111,7 +113,7 @@ class PartEntry:
     ----------
     part_id : its identifier
     part : its fields
-    remarks : what the entry rests on and how the part fits, by title: light, lens, legs, flush, housing
+    remarks : what the entry rests on and how the part fits, by title: light, current, lens, legs, flush, housing
     wall_mm : least thickness of the wall around the cavity
     pitch_mm : least distance of two of these parts on one wall
     """
@@ -149,7 +151,13 @@ class PartEntry:
         fields = self.part.model_dump(mode="json", exclude_none=True)
         lines = [f"# {self.part_id}, by `optopad part new`"]
         for title, remark in self.remarks.items():
-            lines += wrap(f"{title}: {remark}", WIDTH, initial_indent="# ", subsequent_indent="#   ")
+            lines += wrap(
+                f"{title}: {remark}",
+                WIDTH,
+                initial_indent="# ",
+                subsequent_indent="#   ",
+                break_on_hyphens=False,
+            )
         lines += [f"[parts.{self.part_id}]"]
         lines += [f"{name} = {_toml(value)}" for name, value in fields.items() if value != []]
         return "\n".join(lines) + "\n"
@@ -160,8 +168,8 @@ def part_entry(sheet: LedSheet | PhotodiodeSheet) -> PartEntry:
 
     Raises
     ------
-    InputError : the package is unknown, the package has no dome to file, the intensity cannot be converted, or a size
-        or value is out of the catalogue's range.
+    InputError : the package is unknown, the package has no dome to file, the intensity cannot be converted, a size or
+        value is out of the catalogue's range, or the power or the responsivity is physically impossible.
     """
     package = find_package(sheet.package)
     lens = _lens(sheet, package)
@@ -185,6 +193,7 @@ def part_entry(sheet: LedSheet | PhotodiodeSheet) -> PartEntry:
     pitch_mm = round(part.body_width_mm.value + 2 * room + web, 6)
     remarks = {
         "Light": _light_remark(sheet, part),
+        **_current_remark(sheet),
         "Lens": _lens_remark(sheet, lens, angle),
         "Legs": f"{package.legs}.",
         "Flush": _flush_remark(part),
@@ -224,14 +233,16 @@ def _sizes(package: Package, lens: Lens) -> dict[str, Any]:
 def _led(sheet: LedSheet) -> dict[str, Any]:
     most_ma = sheet.max_current_ma or sheet.current_ma
     power_mw = _power_mw(sheet) * most_ma / sheet.current_ma
+    forward = (
+        _usual_voltage(sheet.wavelength_nm)
+        if sheet.forward_voltage_v is None
+        else _read(sheet, sheet.forward_voltage_v, "V", f"at {sheet.current_ma:g} mA")
+    )
+    _require_less_light_than_power(sheet, forward)
     return {
         "wavelength_nm": _wavelength(sheet),
-        "forward_voltage_v": _usual_voltage(sheet.wavelength_nm)
-        if sheet.forward_voltage_v is None
-        else _read(sheet, sheet.forward_voltage_v, "V", f"at {sheet.current_ma:g} mA"),
-        "max_current_ma": _read(
-            sheet, most_ma, "mA", "test current" if sheet.max_current_ma is None else "continuous"
-        ),
+        "forward_voltage_v": forward,
+        "max_current_ma": _most_current(sheet),
         "radiant_power_mw": Quantity(
             value=_rounded(power_mw),
             unit="mW",
@@ -251,6 +262,34 @@ def _power_mw(sheet: LedSheet) -> float:
     return radiant_power_mw(
         radiant_intensity_mw_per_sr(sheet.intensity, sheet.wavelength_nm), sheet.half_angle_deg
     )
+
+
+def _require_less_light_than_power(sheet: LedSheet, forward: Quantity) -> None:
+    volts = forward.value if forward.high is None else forward.high
+    power_mw, limit_mw = _power_mw(sheet), volts * sheet.current_ma
+    if power_mw > limit_mw:
+        raise InputError(
+            f"--intensity: {sheet.intensity} is refused: it is {power_mw:.3g} mW of light, and must be at most "
+            f"{limit_mw:.3g} mW ({volts:g} V x {sheet.current_ma:g} mA); check its unit (mcd or cd), the angle and "
+            "--current"
+        )
+
+
+def _most_current(sheet: LedSheet) -> Quantity:
+    if sheet.max_current_ma is not None:
+        return _read(sheet, sheet.max_current_ma, "mA", "continuous")
+    source = f"{_source(sheet)}: test current, taken as the largest continuous current"
+    return Quantity(value=sheet.current_ma, unit="mA", source=source, confidence="inferred")
+
+
+def _current_remark(sheet: LedSheet | PhotodiodeSheet) -> dict[str, str]:
+    """Remark on a test current that stands for the largest continuous current; none if the sheet's is given."""
+    if isinstance(sheet, PhotodiodeSheet) or sheet.max_current_ma is not None:
+        return {}
+    return {
+        "Current": f"the test current of {sheet.current_ma:g} mA is taken as the largest continuous current. Give that "
+        "of the sheet with --max-current: a test current that is pulsed must not be used, since it may destroy the LED."
+    }
 
 
 def _by_efficacy(sheet: LedSheet) -> str:
@@ -283,6 +322,12 @@ def _usual_voltage(wavelength_nm: float | None) -> Quantity:
 
 def _photodiode(sheet: PhotodiodeSheet) -> dict[str, Any]:
     width_mm, height_mm = sheet.area_mm
+    most = sheet.wavelength_nm / NM_W_PER_A
+    if sheet.responsivity_a_per_w > most:
+        raise InputError(
+            f"--responsivity: {sheet.responsivity_a_per_w:g} A/W is refused: must be at most {most:.3g} A/W at "
+            f"{sheet.wavelength_nm:g} nm (one electron per photon); give the value at --wavelength"
+        )
     usual = data_quantities("usual_parts.toml")
     per_area = usual["capacitance_pf_per_mm2"]
     ends = (per_area.value, per_area.low or per_area.value, per_area.high or per_area.value)
@@ -308,7 +353,8 @@ def _light_remark(sheet: LedSheet | PhotodiodeSheet, part: Part) -> str:
     if isinstance(sheet, PhotodiodeSheet):
         return (
             f"{sheet.responsivity_a_per_w:g} A/W at {sheet.wavelength_nm:g} nm on "
-            f"{sheet.area_mm[0]:g} x {sheet.area_mm[1]:g} mm; other wavelengths have less: see the sheet's curve."
+            f"{sheet.area_mm[0]:g} x {sheet.area_mm[1]:g} mm; at other wavelengths it differs: see the "
+            "sheet's curve."
         )
     assert part.radiant_power_mw is not None  # every LED's entry has it
     axis = radiant_intensity_mw_per_sr(sheet.intensity, sheet.wavelength_nm)

@@ -28,6 +28,7 @@ class Order(Model):
     Attributes
     ----------
     low, high : smallest and largest value of a resistor [ohm] or capacitor [pF] with this part number
+    most_mw : largest power of a resistor [mW]
     """
 
     part_number: Text
@@ -36,6 +37,7 @@ class Order(Model):
     unit: Text = "piece"
     low: float | None = None
     high: float | None = None
+    most_mw: float | None = None
     source: Text
     confidence: Confidence
     cost: Cost | None = None
@@ -50,6 +52,10 @@ class Order(Model):
         tiny = f"{round(value * 100):02d}"
         return self.part_number.format(ohm=ohm_code(value), pf=_picofarad_code(value), pf9=small, pf100=tiny)
 
+    def bears(self, power_mw: float) -> bool:
+        """Whether a power is within the largest of the series; one without a limit bears any."""
+        return self.most_mw is None or power_mw <= self.most_mw
+
     def units_for(self, quantity: float) -> int:
         """Number of order units that hold a quantity."""
         return math.ceil(quantity / self.quantity - 1e-9)
@@ -61,12 +67,14 @@ def orders() -> dict[str, Order]:
     return {name: Order(**row) for name, row in data_table("orders.toml").items()}
 
 
-def order_of(keys: tuple[str, ...], value: float | None = None) -> tuple[Order, str] | None:
-    """The first order among several that has an item, with its part number; None if none has it."""
+def order_of(
+    keys: tuple[str, ...], value: float | None = None, power_mw: float = 0.0
+) -> tuple[Order, str] | None:
+    """The first order among several that has an item and bears its power, with its part number; None if none does."""
     for key in keys:
         order = orders().get(key)
         number = None if order is None else order.number_of(value)
-        if order is not None and number is not None:
+        if order is not None and number is not None and order.bears(power_mw):
             return order, number
     return None
 

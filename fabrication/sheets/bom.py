@@ -135,9 +135,9 @@ def bom_rows(design: SensorDesign, gain: SimulatedGain | None = None) -> tuple[B
     )
 
 
-def _ordered(row: BomRow, *keys: str, value: float | None = None) -> BomRow:
-    """A row with what to order for it: by its catalogue entry, or by the kinds of part in `keys` and a value."""
-    found = order_of(keys or (row.catalogue_id,), value)
+def _ordered(row: BomRow, *keys: str, value: float | None = None, power_mw: float = 0.0) -> BomRow:
+    """A row with what to order for it: by its catalogue entry, or by the kinds of part in `keys`, value and power."""
+    found = order_of(keys or (row.catalogue_id,), value, power_mw)
     if found is None:
         return replace(row, order_quantity=None if row.quantity is None else math.ceil(row.quantity))
     order, number = found
@@ -213,11 +213,22 @@ def _switch_rows(design: SensorDesign, emitters: Sequence[PlacedPart], board: Bo
             "base resistor", "RB", names, switch.base_ohm, _base_note(switch, *most_drive_ma(design, board))
         )
         yield _resistor_row(
-            "series resistor", "RS", names, switch.series_ohm, _series_note(switch, part.part, board)
+            "series resistor",
+            "RS",
+            names,
+            switch.series_ohm,
+            _series_note(switch, part.part, board),
+            switch.series_mw,
         )
 
 
-def _resistor_row(item: str, mark: str, names: Sequence[str], ohm: float | None, note: str) -> BomRow:
+def _resistor_row(
+    item: str, mark: str, names: Sequence[str], ohm: float | None, note: str, power_mw: float = 0.0
+) -> BomRow:
+    """A row of resistors of which each bears a power; above that of the orders, the note says so."""
+    kinds = "resistor", "large-resistor"
+    if ohm is not None and order_of(kinds, ohm, power_mw) is None and order_of(kinds, ohm) is not None:
+        note += f"; NO PART NUMBER: choose a resistor for more than {power_mw:.0f} mW"
     row = BomRow(
         item=item,
         quantity=len(names),
@@ -225,7 +236,7 @@ def _resistor_row(item: str, mark: str, names: Sequence[str], ohm: float | None,
         value="none fits" if ohm is None else ohm_text(ohm),
         note=note,
     )
-    return row if ohm is None else _ordered(row, "resistor", "large-resistor", value=ohm)
+    return row if ohm is None else _ordered(row, *kinds, value=ohm, power_mw=power_mw)
 
 
 def _driver_rows(driver: LedDriver, sink: CurrentSink, emitter_count: int) -> Iterator[BomRow]:

@@ -1,9 +1,14 @@
 """Prices of the bill of materials: the user's own price list, the sum with what is missing, and a budget.
 
 A price list is CSV with the columns of `bom.csv`. It needs `unit_cost`, `currency` and `cost_date`, and one of
-`part_number`, `catalogue_id` and `item` to name the item; `cost_source` is optional. A filled copy of `bom.csv` is one.
-Rows without `unit_cost` are ignored. A price is of one order unit. Prices of the list take precedence over those of
-`design/data/orders.toml`; for an item that has no part number, the list's is taken.
+`part_number`, `catalogue_id` and `item` to name the item; the other columns are optional. A filled copy of `bom.csv` is
+one. Rows without `unit_cost` are ignored. A price is of one order unit. Prices of the list take precedence over those
+of `design/data/orders.toml`.
+
+A price is found by the part number, then by the catalogue's identifier, then by the item's name. So it is kept when a
+buyer adds or replaces a part number, and the bill takes his. Names repeat ("supply capacitor"): a row with a part
+number or an identifier is found by its name only together with its `value`, and only if no other row of the list has
+both.
 
 Currencies are not converted: each has its own sum, and a budget is compared with the sum in its own currency. Rows
 without a price, or with one in another currency, are counted as unknown.
@@ -13,7 +18,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -31,6 +37,8 @@ CURRENCIES = (
 """Currencies of budgets and prices (ISO 4217)."""
 KEYS = ("part_number", "catalogue_id", "item")
 """Columns that name the item, in the order in which they are tried."""
+PriceKey = tuple[str, ...]
+"""A column of `KEYS` with its text. The item's name may have the `value` as third."""
 NEEDED = ("unit_cost", "currency", "cost_date")
 MOST_PRICE = 1e9
 _BUDGET = re.compile(r"\s*(?P<amount>[+-]?\d+(?:\.\d+)?)\s*(?P<currency>[A-Za-z]*)\s*")
@@ -38,10 +46,19 @@ _BUDGET = re.compile(r"\s*(?P<amount>[+-]?\d+(?:\.\d+)?)\s*(?P<currency>[A-Za-z]
 
 @dataclass(frozen=True, kw_only=True)
 class Price:
-    """One row of a price list: the price of an order unit, and the part number that was ordered."""
+    """One row of a price list.
 
+    Attributes
+    ----------
+    name : first filled column of `KEYS`
+    cost : price of one order unit
+    part_number, manufacturer : of what the buyer orders; empty if the list does not say
+    """
+
+    name: str
     cost: Cost
     part_number: str
+    manufacturer: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,45 +146,81 @@ def budget_words(rows: Sequence[BomRow], budget: Budget) -> str:
     return verdict + (f"; {unknown} rows have no price in {budget.currency}" if unknown else "")
 
 
-def read_prices(file: Path) -> dict[str, Price]:
-    """Read a price list, by the name of each item in the list's first filled column of `KEYS`.
+def read_prices(file: Path) -> dict[PriceKey, Price]:
+    """Read a price list, by every name that an item of the bill may be found by.
 
     Raises
     ------
-    InputError : a column is missing, or a row has no valid price or two rows have different prices for one item.
+    InputError : a column is missing, a row names no item or has no valid price, or two rows differ for one item.
     """
     table = read_csv(file, needed=f"the columns {', '.join(NEEDED)} and one of {', '.join(KEYS)}")
     missing = [name for name in NEEDED if name not in table.heading]
     if missing or not set(KEYS) & set(table.heading):
         lacks = missing or [" or ".join(KEYS)]
         raise InputError(f"{file}: has no column {', '.join(lacks)}; a filled copy of bom.csv has all")
-    found: dict[str, Price] = {}
-    for place, record in enumerate(table.records()):
+    records = table.records()
+    items = Counter((record.get("item", ""), record.get("value", "")) for record in records)
+    found: dict[PriceKey, Price] = {}
+    for place, record in enumerate(records):
         if not record["unit_cost"]:
             continue
         price = _price(table, place, record)
-        for name in filter(None, (record.get(key, "") for key in KEYS)):
-            if found.setdefault(name, price) != price:
+        for key in _keys(record, items):
+            held = found.setdefault(key, price)
+            if (held.cost, held.part_number) != (price.cost, price.part_number):
                 raise InputError(
-                    f"{table.where(place)}: {shown(name)} has another price in a row above; keep one"
+                    f"{table.where(place)}: {shown(key[1])} has another price or part number in a row above; keep one"
                 )
-            break
-        else:
-            raise InputError(f"{table.where(place)}: names no item; fill one of {', '.join(KEYS)}")
     return found
 
 
-def priced(rows: Sequence[BomRow], prices: Mapping[str, Price]) -> tuple[BomRow, ...]:
+def _keys(record: Mapping[str, str], items: Mapping[tuple[str, str], int]) -> Iterator[PriceKey]:
+    """The keys of a row, with the number of rows by name and value."""
+    named = [(key, record[key]) for key in ("part_number", "catalogue_id") if record.get(key)]
+    yield from named
+    item, value = record.get("item", ""), record.get("value", "")
+    if item and not named:
+        yield "item", item
+    elif item and items[item, value] == 1:
+        yield "item", item, value
+
+
+def priced(rows: Sequence[BomRow], prices: Mapping[PriceKey, Price]) -> tuple[BomRow, ...]:
     """The rows of a bill with the prices of a price list."""
     return tuple(_with_price(row, prices) for row in rows)
 
 
-def _with_price(row: BomRow, prices: Mapping[str, Price]) -> BomRow:
-    names = (row.part_number, row.catalogue_id, row.item)
-    price = next((prices[name] for name in names if name and name in prices), None)
-    if price is None or not row.is_bought:
+def unused_words(rows: Sequence[BomRow], prices: Mapping[PriceKey, Price]) -> str | None:
+    """The prices of a list that no bought row of a bill takes, as text; None if each is taken."""
+    names = list(dict.fromkeys(price.name for price in prices.values()))
+    taken = {price.name for row in rows if (price := _price_of(row, prices)) is not None}
+    unused = [name for name in names if name not in taken]
+    return f"{len(unused)} of {len(names)} prices match no row: {', '.join(unused)}" if unused else None
+
+
+def _price_of(row: BomRow, prices: Mapping[PriceKey, Price]) -> Price | None:
+    keys: tuple[PriceKey, ...] = (
+        ("part_number", row.part_number),
+        ("catalogue_id", row.catalogue_id),
+        ("item", row.item, row.value),
+        ("item", row.item),
+    )
+    return next((prices[key] for key in keys if key in prices), None) if row.is_bought else None
+
+
+def _with_price(row: BomRow, prices: Mapping[PriceKey, Price]) -> BomRow:
+    price = _price_of(row, prices)
+    if price is None:
         return row
-    return replace(row, cost=price.cost, part_number=row.part_number or price.part_number)
+    if price.part_number in ("", row.part_number):
+        return replace(row, cost=price.cost)
+    return replace(
+        row,
+        cost=price.cost,
+        part_number=price.part_number,
+        manufacturer=price.manufacturer,
+        is_number_read=True,
+    )
 
 
 def _price(table: CsvTable, place: int, record: Mapping[str, str]) -> Price:
@@ -193,7 +246,15 @@ def _price(table: CsvTable, place: int, record: Mapping[str, str]) -> Price:
         raise InputError(
             f"{where}: cost_date {shown(record['cost_date'])} is no date; write yyyy-mm or yyyy-mm-dd"
         ) from None
-    return Price(cost=cost, part_number=record.get("part_number", ""))
+    name = next((record[key] for key in KEYS if record.get(key)), None)
+    if name is None:
+        raise InputError(f"{where}: names no item; fill one of {', '.join(KEYS)}")
+    return Price(
+        name=name,
+        cost=cost,
+        part_number=record.get("part_number", ""),
+        manufacturer=record.get("manufacturer", ""),
+    )
 
 
 def _require_currency(currency: str, where: str) -> None:

@@ -57,7 +57,7 @@ def config(
     as_json: options.Json = False,
 ) -> None:
     """Write driver.toml, wiring table and bill of materials of a design."""
-    from fabrication.sheets.prices import bill_sum, budget_words, parsed_budget, read_prices
+    from fabrication.sheets.prices import bill_sum, budget_words, parsed_budget, read_prices, unused_words
     from optopad.jobs.pipeline import write_driver_config
 
     limit, own = (
@@ -67,17 +67,21 @@ def config(
     bundle, rows = write_driver_config(read_design(design, set_), out, seed=seed, prices=own)
     folder, total = bundle / "fabrication", bill_sum(rows)
     judged = None if limit is None else budget_words(rows, limit)
+    unused = None if own is None else unused_words(rows, own)
     if as_json:
         bill = {
             "known": total.known,
             "rows": total.rows,
             "rows_without_price": total.unpriced,
             "budget": judged,
+            "unused_prices": unused,
         }
         files = sorted(str(file) for file in folder.iterdir() if file.is_file())
         print_json({"files": files, "bill": bill})
         return
     say(f"bill      {total.words}")
+    if unused is not None:
+        say(f"prices    {unused}")
     if judged is not None:
         say(f"budget    {judged}")
     say(f"files     {folder}")

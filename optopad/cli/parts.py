@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from textwrap import shorten
 from typing import TYPE_CHECKING, Annotated, Any
@@ -34,15 +34,18 @@ Given = dict[str, Any]
 
 QUESTIONS = {
     "kind": "Kind (led or photodiode)",
-    "package": "Package (radial-5mm, radial-3mm, side-looking-5mm, side-looking-thin, plcc-2, 0805, coupler-...)",
+    "package": "Package (radial-5mm, radial-3mm, side-looking-5mm, side-looking-thin, plcc-2, 0805, coupler-tcrt5000 "
+    "or coupler-qre1113)",
     "intensity": "Intensity on the axis, with its unit (as 250mcd or 12mW/sr)",
     "viewing-angle": "Viewing angle 2θ½, the full angle of half intensity [deg]",
-    "wavelength": "Wavelength [nm] (of the responsivity; white for a white LED)",
+    "led-wavelength": "Wavelength, peak or dominant [nm] (white for a white LED)",
+    "photodiode-wavelength": "Wavelength of the responsivity [nm]",
     "current": "Test current of the intensity [mA]",
     "area": "Sensitive area (as 7.5 for mm2, or 2.65x2.65 for mm)",
     "responsivity": "Responsivity [A/W]",
     "half-angle": "Half angle θ½, from the axis [deg]",
 }
+"""Prompts by option; those of an option that means another thing for each kind have the kind before it."""
 NEEDED = {
     "led": ("package", "intensity", "viewing-angle", "wavelength", "current"),
     "photodiode": ("package", "area", "responsivity", "wavelength", "half-angle"),
@@ -209,18 +212,18 @@ def _completed(given: Given, *, may_prompt: bool) -> Given:
     InputError : without a terminal, options are missing; or an option belongs to the other kind of part.
     """
     prompts = may_prompt and sys.stdin.isatty() and sys.stdout.isatty()
-    read: Callable[[str], str] = (lambda name: typer.prompt(QUESTIONS[name])) if prompts else (lambda _: "")
-    if given["kind"] is None and prompts:
-        given = given | {"kind": read("kind")}
-    kind = given["kind"]
+    said = typer.prompt(QUESTIONS["kind"]) if given["kind"] is None and prompts else given["kind"]
+    kind = "" if said is None else said.strip().lower()
     if kind not in KINDS:
-        said = "is missing" if kind is None else f"{kind!r} is refused"
-        raise InputError(f"--kind: {said}; give led or photodiode")
+        raise InputError(
+            f"--kind: {'is missing' if said is None else f'{said!r} is refused'}; give led or photodiode"
+        )
     missing = [name for name in NEEDED[kind] if _is_missing(given, name)]
     if missing and not prompts:
         named = ", ".join(f"--{name}" for name in missing)
         raise InputError(f"{named}: missing for a {kind}; add {'them' if len(missing) > 1 else 'it'}")
-    given = given | {name: read(name) for name in missing}
+    asked = {name: QUESTIONS.get(f"{kind}-{name}") or QUESTIONS[name] for name in missing}
+    given = given | {"kind": kind} | {name: typer.prompt(question) for name, question in asked.items()}
     foreign = [name for name in (PHOTODIODE_ONLY if kind == "led" else LED_ONLY) if given[name] is not None]
     if foreign:
         raise InputError(f"--{foreign[0]}: {given[foreign[0]]} is refused: a {kind} has none; leave it out")

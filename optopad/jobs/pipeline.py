@@ -26,7 +26,7 @@ from optopad.work import FinishedWork, started
 if TYPE_CHECKING:
     from fabrication.gain import SimulatedGain
     from fabrication.sheets.bom import BomRow
-    from fabrication.sheets.prices import Price
+    from fabrication.sheets.prices import Price, PriceKey
     from optopad.report.sections.early import EarlyDrawings
     from optopad.results.score import Bundle
     from sims.score.result import ContinuityScore
@@ -150,7 +150,7 @@ def write_signals(
 
 
 def write_driver_config(
-    design: SensorDesign, out: Path, *, seed: int, prices: Mapping[str, Price] | None = None
+    design: SensorDesign, out: Path, *, seed: int, prices: Mapping[PriceKey, Price] | None = None
 ) -> tuple[Path, tuple[BomRow, ...]]:
     """Write driver configuration, wiring table and bill of materials into the bundle.
 

@@ -154,7 +154,8 @@ def test_the_least_pitch_is_the_nearest_without_an_error():
 
 @pytest.mark.parametrize("name", packages())
 def test_a_part_in_any_package_has_a_socket_that_can_be_printed(name):
-    entry = part_entry(replaced(LEDS["red"], part_id="mine", package=name, half_angle_deg=60.0))
+    dim = replaced(LEDS["red"], intensity=Intensity(value=500.0, unit="mcd"), half_angle_deg=60.0)
+    entry = part_entry(replaced(dim, part_id="mine", package=name))
     layer_mm = entry.part.body_height_mm.value + 2.0
     changes = {
         "emitters.part": "mine",
@@ -183,10 +184,40 @@ def test_the_heights_end_flush_with_both_faces_of_the_layer():
         ({"package": "radial-5"}, ["--package", "radial-5", "did you mean radial-5mm?"]),
         ({"package": "plcc-2", "lens": "filed"}, ["--lens", "filed", "plcc-2 has no dome"]),
         ({"area_mm": (7.0, 7.0)}, ["active_width_mm = 7", "body_width_mm = 5.8"]),
-        ({"responsivity_a_per_w": 2.5}, ["responsivity_a_per_w", "2.5", "2 A/W"]),
+        ({"responsivity_a_per_w": 2.5}, ["--responsivity: 2.5 A/W", "at most 0.702 A/W at 870 nm"]),
+        ({"responsivity_a_per_w": 1.2, "wavelength_nm": 500.0}, ["--responsivity: 1.2 A/W", "0.403 A/W"]),
     ],
 )
 def test_a_bad_sheet_is_refused(changes, words):
     with pytest.raises(InputError) as caught:
         part_entry(replaced(SFH213, **changes))
     assert [word for word in words if word not in str(caught.value)] == []
+
+
+def test_a_test_current_is_inferred_and_a_remark_asks_for_the_continuous_one():
+    pulsed = replaced(
+        LEDS["blue"],
+        wavelength_nm=940.0,
+        forward_voltage_v=2.4,
+        current_ma=1000.0,
+        intensity=Intensity(value=600.0, unit="mW/sr"),
+    )
+    entry = part_entry(pulsed)
+    most = entry.part.max_current_ma
+    assert (most.value, most.confidence) == (1000.0, "inferred")
+    assert most.source.endswith("test current, taken as the largest continuous current")
+    assert "--max-current" in entry.remarks["Current"]
+    assert "--max-current" in entry.text()
+    continuous = part_entry(replaced(pulsed, max_current_ma=100.0))
+    assert continuous.part.max_current_ma.confidence == "read"
+    assert "Current" not in continuous.remarks
+
+
+def test_more_light_than_electrical_power_is_refused():
+    bright = replaced(LEDS["red"], intensity=Intensity(value=250e3, unit="mcd"))
+    with pytest.raises(
+        InputError, match=r"^--intensity: .* 330 mW of light, .* at most 42 mW \(2.1 V x 20 mA\)"
+    ):
+        part_entry(bright)
+    with pytest.raises(InputError, match=r"at most 52 mW \(2.6 V x 20 mA\)"):
+        part_entry(replaced(bright, forward_voltage_v=None))

@@ -143,6 +143,9 @@ def prepare(page: Path, *, with_data: bool = False) -> None:
         Path("my-search.toml").write_text(toml_blocks_of(page)[0], encoding="utf-8")
     if page.name in ("simulate-data-set.md", "predict-accuracy.md"):
         Path("my-protocol.toml").write_text(toml_blocks_of(page)[0], encoding="utf-8")
+    if page.name == "build.md":
+        heading = "part_number,unit_cost,currency,cost_date"
+        Path("my-prices.csv").write_text(f"{heading}\nA000067,40,EUR,2026-11\n", encoding="utf-8")
     if page.name == "calibrate.md":
         (exact,) = toml_blocks_of(page)
         assert main(["new", "my-pad.toml"]) == 0

@@ -159,6 +159,19 @@ def test_grams_and_values_of_the_pad() -> None:
     assert row(PAD, "printed mold")["quantity"] == "1"
 
 
+@pytest.mark.parametrize(("most_ma", "is_ordered"), [(20.0, True), (150.0, False)])
+def test_a_series_resistor_above_a_quarter_watt_has_no_part_number(most_ma: float, is_ordered: bool) -> None:
+    entry = part_of(PAD, "sunled-xscwd23mb", "emitter").model_dump(mode="json")
+    entry["max_current_ma"] |= {"value": most_ma}
+    design = PAD.with_(catalog={"parts": {"sunled-xscwd23mb": entry}})
+    found = row(design, "series resistor")
+    switch = emitter_switch(part_of(design, "sunled-xscwd23mb", "emitter"), board_of(design))
+    assert (switch.series_mw <= 250.0) == is_ordered
+    assert bool(found["part_number"]) == is_ordered
+    assert (f"choose a resistor for more than {switch.series_mw:.0f} mW" in found["note"]) != is_ordered
+    assert found["order_quantity"] == found["quantity"]
+
+
 def test_the_solid_mold_s_weight_is_its_volume_by_formula() -> None:
     outer, cavity = 45.0 * 45.0 * 13.5, 32.0 * 32.0 * 10.5
     grams = float(row(PAD, "printed mold")["note"].split("; ")[1].split(" g")[0])

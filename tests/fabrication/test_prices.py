@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -18,7 +19,7 @@ from design.spec import SensorDesign
 from fabrication.gain import SimulatedGain
 from fabrication.sheets.bom import BomRow, bom_csv, bom_rows
 from fabrication.sheets.casting import casting_md
-from fabrication.sheets.prices import bill_sum, budget_words, parsed_budget, priced, read_prices
+from fabrication.sheets.prices import bill_sum, budget_words, parsed_budget, priced, read_prices, unused_words
 from fabrication.sheets.silicone import pours
 
 PAD = preset("piacenza2017-pad")
@@ -177,3 +178,54 @@ def test_a_price_list_needs_its_columns_and_one_price_for_each_item(tmp_path: Pa
     file.write_text("part_number,unit_cost,currency,cost_date\nA1,1,EUR,2026-11\nA1,2,EUR,2026-11\n")
     with pytest.raises(InputError, match="row 3: 'A1' has another price"):
         read_prices(file)
+
+
+def renumbered(rows: tuple[BomRow, ...], folder: Path, number: str, **wanted: str) -> Path:
+    """A filled copy of the bill with other part numbers: of the rows that have the wanted cells, or else of all."""
+    file = filled(rows, folder)
+    table = list(csv.DictReader(io.StringIO(file.read_text())))
+    for place, row in enumerate(table):
+        if row["unit_cost"] and wanted.items() <= row.items():
+            row |= {"part_number": number or f"MINE-{place}", "manufacturer": "Mine"}
+    stream = io.StringIO()
+    writer = csv.DictWriter(stream, list(table[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(table)
+    file.write_text(stream.getvalue())
+    return file
+
+
+@pytest.mark.parametrize("name", ["piacenza2017-pad", "gripper-teensy"])
+def test_a_part_number_that_a_buyer_replaces_keeps_its_price_and_is_ordered(
+    name: str, tmp_path: Path
+) -> None:
+    rows = rows_of(name)
+    own = priced(rows, read_prices(renumbered(rows, tmp_path, "")))
+    bought = [row for row in own if row.is_bought]
+    assert [row.item for row in bought if row.cost is None] == []
+    assert all(row.part_number.startswith("MINE-") and row.manufacturer == "Mine" for row in bought)
+
+
+def test_a_part_number_that_a_buyer_adds_keeps_its_price(tmp_path: Path) -> None:
+    rows = tuple(replace(row, part_number="") for row in rows_of("piacenza2017-pad"))
+    prices = read_prices(renumbered(rows, tmp_path, "R-120", item="series resistor"))
+    (own,) = (row for row in priced(rows, prices) if row.item == "series resistor")
+    assert (own.cost is not None, own.part_number) == (True, "R-120")
+    assert unused_words(rows, prices) is None
+
+
+def test_a_resistor_of_another_value_does_not_get_the_number_of_the_old_one(tmp_path: Path) -> None:
+    prices = read_prices(renumbered(bom_rows(PAD), tmp_path, "R-270", item="series resistor"))
+    rows = tuple(replace(row, value="100 ohm") if row.value == "120 ohm" else row for row in bom_rows(PAD))
+    rows = priced(rows, prices)
+    assert "R-270" not in {row.part_number for row in rows}
+    assert "R-270" in (unused_words(rows, prices) or "")
+
+
+def test_a_price_that_matches_no_row_is_named(tmp_path: Path) -> None:
+    file = tmp_path / "prices.csv"
+    file.write_text(
+        "part_number,unit_cost,currency,cost_date\nA00067,40,EUR,2026-11\nA000067,41,EUR,2026-11\n"
+    )
+    prices = read_prices(file)
+    assert unused_words(priced(bom_rows(PAD), prices), prices) == "1 of 2 prices match no row: A00067"

@@ -93,6 +93,17 @@ def test_a_budget_without_a_currency_and_a_missing_price_list_are_refused(capsys
     assert "no.csv" in refused(capsys, "config", DESIGN, "--prices", str(tmp_path / "no.csv"))
 
 
+def test_config_names_the_prices_that_match_no_row(capsys, tmp_path):
+    file = tmp_path / "prices.csv"
+    file.write_text("part_number,unit_cost,currency,cost_date\nA00067,40,EUR,2026-11\n")
+    command = ["driver", "config", DESIGN, "--prices", str(file)]
+    said = "1 of 1 prices match no row: A00067"
+    assert main(command) == 0
+    assert said in capsys.readouterr().out
+    assert main([*command, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["bill"]["unused_prices"] == said
+
+
 @needs_compiler
 def test_firmware_leaves_sketch_and_image_in_the_bundle(capsys):
     assert main(["driver", "firmware", DESIGN, "--json"]) == 0

@@ -88,21 +88,26 @@ def test_a_full_and_a_half_angle_and_all_units_of_intensity_say_the_same(folder,
 
 
 def test_a_terminal_is_prompted_for_what_is_missing(folder, monkeypatch, capsys):
-    answers = {**LED, "kind": "led"}
+    answers = {**LED, "kind": "LED"}
     prompted = []
 
     def answer(question):
         name = next(name for name, text in parts.QUESTIONS.items() if text == question)
         prompted.append(name)
-        return answers[name]
+        return answers[name.removeprefix("led-").removeprefix("photodiode-")]
 
     for stream in (parts.sys.stdin, parts.sys.stdout):
         monkeypatch.setattr(stream, "isatty", lambda: True, raising=False)
     monkeypatch.setattr(parts.typer, "prompt", answer)
     assert main(["part", "new", "my-led", "--package", "radial-5mm", "--current", "20"]) == 0
-    assert prompted == ["kind", "intensity", "viewing-angle", "wavelength"]
+    assert prompted == ["kind", "intensity", "viewing-angle", "led-wavelength"]
     assert main(["part", "new", "other", "--kind", "led", "--json"]) == 2
     assert len(prompted) == 4
+    answers |= DIODE
+    assert main(typed("my-diode", DIODE | {"kind": "Photodiode", "wavelength": None})) == 0
+    assert prompted[4:] == ["photodiode-wavelength"]
+    assert "at other wavelengths it differs" in " ".join(capsys.readouterr().out.split())
+    assert [name for name in packages() if name not in parts.QUESTIONS["package"]] == []
 
 
 BAD = (
@@ -123,6 +128,10 @@ BAD = (
     ({"package": "dip-8"}, ["--package", "dip-8", "radial-5mm", "0805", "nearest"]),
     ({"current": "-20"}, ["--current", "-20 mA", "above 0 to 5000 mA", "positive"]),
     ({"intensity": "250"}, ["--intensity", "'250' has no unit", "250mcd", "12mW/sr"]),
+    (
+        {"intensity": "250cd"},
+        ["--intensity", "250000 mcd", "330 mW", "at most 52 mW", "2.6 V x 20 mA", "--current"],
+    ),
     ({"intensity": "5lm"}, ["--intensity", "5lm", "not the flux"]),
     ({"intensity": "-5mcd"}, ["--intensity", "-5mcd", "above 0"]),
     ({"intensity": "nanmcd"}, ["--intensity", "nanmcd"]),
@@ -149,6 +158,8 @@ def test_a_bad_photodiode_name_or_file_is_refused(folder, capsys):
 
     for area in ("-7", "0", "2.65x", "x", "1x-1", "7 cm2"):
         assert "--area" in refusal(typed("d", DIODE | {"area": area}))
+    sheet = DIODE | {"responsivity": "1.2", "wavelength": "500"}
+    assert "--responsivity: 1.2 A/W is refused: must be at most 0.403 A/W" in refusal(typed("d", sheet))
     assert "use wp7113srd" in refusal(typed("WP7113SRD", LED))
     assert list(folder.iterdir()) == []
     assert main(typed("d", DIODE)) == 0
@@ -223,5 +234,12 @@ def test_a_quantity_of_a_data_sheet_in_a_file_names_the_command(folder, capsys):
     assert "emitters.viewing_angle: is not a field" in capsys.readouterr().err
 
 
-def test_the_preset_of_the_paper_keeps_its_digest():
-    assert "view" not in json.dumps(preset("piacenza2017-pad").model_dump(mode="json"))
+def test_the_view_of_a_part_that_has_none_leaves_the_digest_of_a_design():
+    pad = preset("piacenza2017-pad")
+    assert pad.digest.startswith("0c3a4f54")
+    entry = packaged().parts["sunled-xscwd23mb"].model_dump(mode="json")
+    assert "view" not in entry
+    mine = pad.with_(catalog={"parts": {"sunled-xscwd23mb": entry}})
+    same = pad.with_(catalog={"parts": {"sunled-xscwd23mb": entry | {"view": None}}})
+    assert "view" not in mine.model_dump(mode="json")["catalog"]["parts"]["sunled-xscwd23mb"]
+    assert mine.digest == same.digest != pad.digest
