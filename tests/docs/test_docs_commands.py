@@ -165,8 +165,8 @@ def prepare(page: Path, *, with_data: bool = False) -> None:
         ]
         Path("press.csv").write_text("\n".join([heading, *rows]), encoding="utf-8")
     if page.name in ("read-sensor.md", "collect-presses.md") and with_data:
-        heading = "x_mm,y_mm,depth_mm"
-        Path("presses.csv").write_text(f"{heading}\n14,14,-1\n14,14,1\n20,18,-1\n20,18,1\n", encoding="utf-8")
+        presses = [f"{place},{depth}" for place in ("14,14", "20,18") for depth in (-1, 1, -1)]
+        Path("presses.csv").write_text("\n".join(["x_mm,y_mm,depth_mm", *presses]), encoding="utf-8")
         save_model("pad.optomodel", replace(made_up_model(), header=header(design_digest=None)))
     if page.name == "own-parts.md":
         part, use, _, price, gel, shine, epoxy, walls, _, converter, *_ = toml_blocks_of(page)
