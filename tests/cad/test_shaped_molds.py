@@ -90,6 +90,7 @@ def test_every_file_of_a_shaped_preset_is_one_watertight_body_that_passes_its_ch
     assert checks["ok"], [row for row in checks["findings"] if row["state"] == "error"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", presets(SHAPED_PRESETS))
 def test_a_shaped_mold_has_the_volume_of_the_formula(name, built_of):
     formula = mold_volume_mm3(preset(name))

@@ -350,6 +350,7 @@ def settled_us(run: Run) -> float:
     return shortest
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("converter", "driver"),
     [("mcp3208", None), ("ads8688", None), ("mcp3208", "tlc5947"), ("ads8688", "tlc5947"), (None, "tlc5947")],

@@ -222,6 +222,7 @@ def diagnosed(node: Any) -> Any:
 
 
 @needs_pty
+@pytest.mark.slow
 def test_a_board_that_was_unplugged_is_read_again_at_another_port_and_a_held_press_stays_one(
     made: Callable[..., Any], files: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

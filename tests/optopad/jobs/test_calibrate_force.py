@@ -97,6 +97,7 @@ def test_a_press_that_nobody_recorded_is_no_rest_of_its_neighbours(tmp_path: Pat
     assert found.relative_sigma < 0.001
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("board", "busy_s"), [(True, 0.8), (False, 0.0)])
 def test_frames_that_are_read_together_or_late_give_the_same_modulus(
     board: bool, busy_s: float, files: tuple[Path, Path], tmp_path: Path

@@ -255,7 +255,7 @@ def test_builds_are_told_with_their_interval_and_what_matters(tmp_path: Path) ->
 def test_a_build_sheet_becomes_headings_lists_tables_and_code() -> None:
     page = Page(f"<main>{html_of(casting_md(PAIR))}</main>")
     assert page.tags["h3"] == 10
-    assert page.tags["table"] == 7
+    assert page.tags["table"] == 8
     assert page.tags["ol"] == 3
     assert page.tags["pre"] == 1
     assert "base to curing agent 20 : 1 by weight" in page.text

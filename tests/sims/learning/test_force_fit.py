@@ -159,6 +159,7 @@ def test_a_pad_that_hardens_shows_a_trend():
     assert "the modulus changed by +" in found.lines[-1]
 
 
+@pytest.mark.slow
 def test_a_force_that_fits_no_press_is_refused():
     time_s, press_mm, force_n = pressed(6, 1.0)
     path = TipPath(time_s=time_s, press_mm=press_mm)
