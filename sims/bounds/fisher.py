@@ -42,7 +42,8 @@ and inward in the other, errors of the first order cancel in the product. But wh
 published pad at 4.9 mm), they made the bounds twice as large.
 
 Kinks of a signal that are narrower than the steps, such as the edge of a shadow, are smoothed over h and k. Voxels
-whose bounds are still uncertain with the first light settings are traced again with finer ones.
+whose bounds are still uncertain with the first light settings are traced again with finer ones, and voxels that are
+then not resolved with finer ones still.
 
 Sources
 -------
@@ -375,8 +376,8 @@ def _depth_alone(
     return _rooted(1.0 / known, error / known**2, is_seen)
 
 
-FIRST_STAGE_SHARE = 0.8
-"""Progress to show when the first light settings are finished and finer ones may follow [-]."""
+STAGE_ENDS = (0.8, 0.95)
+"""Progress to show when the first and the second light settings are finished and finer ones may follow [-]."""
 
 
 def sensitivities(
@@ -393,7 +394,8 @@ def sensitivities(
     """Derivatives of all pairs' readings with respect to location and depth, in every voxel.
 
     Voxels that are not resolved, or whose bounds have a relative error above `CLEAR_ERROR`, are traced again with the
-    next accuracy. Voxels shallower than `SHALLOW_MM` begin with the second one.
+    second accuracy. Voxels shallower than `SHALLOW_MM` begin with it. Voxels that are still not resolved are traced
+    with the third.
 
     Parameters
     ----------
@@ -418,7 +420,7 @@ def sensitivities(
             design, voxels[left], readout, accuracy=accuracy, seed=seed, steps=steps, on_step=step
         )
         found = _put(_nothing(finer, len(voxels)) if found is None else found, left, finer)
-        left = np.flatnonzero(_is_unclear(bounds_of(found)))
+        left = np.flatnonzero(_is_unclear(bounds_of(found)) if stage == 0 else bounds_of(found).is_blind)
         if left.size == 0:
             break
     assert found is not None
@@ -431,10 +433,8 @@ def sensitivities(
 
 
 def _share_of_stage(on_step: OnShare, stage: int, stages: int) -> OnShare:
-    if stages == 1:
-        return on_step
-    start, span = (0.0, FIRST_STAGE_SHARE) if stage == 0 else (FIRST_STAGE_SHARE, 1.0 - FIRST_STAGE_SHARE)
-    return lambda share: on_step(start + span * share)
+    ends = (0.0, *STAGE_ENDS[: stages - 1], 1.0)
+    return lambda share: on_step(ends[stage] + (ends[stage + 1] - ends[stage]) * share)
 
 
 def _is_unclear(bounds: Bounds) -> BoolArray:

@@ -37,7 +37,7 @@ from sims.bounds.fisher import (
     bounds_of,
     sensitivities,
 )
-from sims.optics.accuracy import ACCURACIES, MIRRORED_FINER, Accuracy
+from sims.optics.accuracy import ACCURACIES, CONTACT_FINER, MIRRORED_FINER, Accuracy
 from sims.readings.readout import Readout, readout_of
 from sims.verdict.pad_map import grid_inside, grid_places_mm, map_grid_mm, on_grid
 from sims.verdict.presses import untouched_flux
@@ -179,9 +179,10 @@ def _loss(
     )
 
 
-BOUND_ACCURACIES = ("score", MIRRORED_FINER)
+BOUND_ACCURACIES = ("score", MIRRORED_FINER, CONTACT_FINER)
 """Accuracy settings of the light model for derivatives, cheapest first. Voxels still uncertain with the first are
-traced again with the second. The first is that of the deadband map, so that its stored light can be used."""
+traced again with the second, and voxels not resolved with the second again with the third. The first is that of the
+deadband map, so that its stored light can be used."""
 MANY_PAIRS_BOUNDS = (ACCURACIES["draft"], MIRRORED_FINER)
 """The same settings for layouts with hundreds of pairs."""
 
@@ -385,8 +386,7 @@ def pad_bounds(
     x_mm, y_mm : coordinates of the grid [mm]; if omitted, a grid of equal pitch in both directions
     places : number of locations of the default grid along the workspace's longer side
     depths_mm : depths of the voxels [mm]; depths beyond the usable range are left out, and its end is added
-    accuracies : accuracy settings for `sims.optics.tracing.trace`, cheapest first; voxels whose bounds are still
-        uncertain with one are traced again with the next
+    accuracies : accuracy settings for `sims.optics.tracing.trace`, cheapest first (`sims.bounds.fisher.sensitivities`)
     seed : random seed of the first half of the presses
     readout : common gain; if omitted, it is set on the untouched pad, which takes one more trace
     detection : detection threshold, only copied into the result
@@ -448,8 +448,9 @@ def _name_of(accuracy: str | Accuracy) -> str:
     """Name by which files refer to an accuracy setting."""
     if isinstance(accuracy, str):
         return accuracy
-    if accuracy == MIRRORED_FINER:
-        return "score, mirrored light as standard"
+    for one, name in ((MIRRORED_FINER, "score, mirrored light as standard"), (CONTACT_FINER, "finer images")):
+        if accuracy == one:
+            return name
     return next((name for name, one in ACCURACIES.items() if one == accuracy), "own settings")
 
 

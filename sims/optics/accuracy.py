@@ -123,6 +123,16 @@ MIRRORED_FINER = replace(
 left undecided near contact by the error of images, and deep down by the error of light mirrored several times. On the
 paper's pad the error at 0.3 mm is 0.05 % rms, as with "standard"."""
 
+CONTACT_FINER = replace(
+    MIRRORED_FINER,
+    image_step=0.09,
+    top_rings=ACCURACIES["standard"].top_rings,
+    top_columns=ACCURACIES["standard"].top_columns,
+)
+"""Settings with finer images and a finer top, for presses that `MIRRORED_FINER` leaves unresolved. Its error of images
+adds relative noise to bright pairs, which hides the information of dim ones: on a pad of 34 x 18 mm with 36 pairs, 12 %
+of the volume was not resolved at 2000 counts, 7 % at 1200 and 2 % with a thinner layer; with these settings, 0 %."""
+
 LADDER = tuple(ACCURACIES[name] for name in ("draft", "standard", "fine", "reference"))
 """Settings that are tried in turn for a required relative error, cheapest first."""
 

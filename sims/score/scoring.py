@@ -385,7 +385,7 @@ def _bounds_s(design: SensorDesign, places_mm: FloatArray, row: Settings) -> flo
     sides = stencil_presses(voxels, steps.offsets_mm(voxels[:, 2])).reshape(-1, PRESSES, 3)
     beside, middle = _distinct(design, sides[:, :4, :2].reshape(-1, 2)), 2 * _distinct(design, places_mm)
     deep = int(np.sum(depths >= SHALLOW_MM))
-    first, then = (accuracy_of(one) for one in row.bounds)
+    first, then = (accuracy_of(one) for one in row.bounds[:2])
     known = middle if first == row.map else 0  # the first half's, from the map
     finer = (len(depths) - deep + TRACED_AGAIN * deep) * 2 * (beside + middle)
     return (
