@@ -24,7 +24,7 @@ from fabrication.sheets.silicone import pours
 
 PAD = preset("piacenza2017-pad")
 PICOFARADS = ("tiny-capacitor", "small-capacitor", "capacitor")
-COUNTS_PER_FLUX = {"piacenza2017-pad": 1.2e5, "gripper-teensy": 4.2e6, "fingertip-16": 2.3e5}
+COUNTS_PER_FLUX = {"piacenza2017-pad": 1.2e5, "gripper-teensy": 2.0e6, "fingertip-16": 2.3e5}
 """Near the simulated gains of these presets: 160 kohm to 1.5 Mohm, and down to 0.68 pF."""
 
 
