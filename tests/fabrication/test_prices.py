@@ -109,7 +109,7 @@ def test_codes_of_values_are_those_of_known_orders() -> None:
 def test_every_order_belongs_to_an_entry_of_the_catalogue_or_a_kind_of_part() -> None:
     entries = packaged()
     known = {name for table in type(entries).model_fields for name in getattr(entries, table)}
-    kinds = {"carbon-black", "resistor", "large-resistor", *PICOFARADS, "pin-header"}
+    kinds = {"carbon-black", "resistor", "large-resistor", *PICOFARADS, "pin-header", "wire", "thin-wire"}
     assert set(orders()) <= known | kinds | {"supply-capacitor", "reference-capacitor"}
     needed = {
         *entries.boards,
