@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -90,7 +91,9 @@ def config(
     if held is not None:
         say(f"budget    {held.words}")
     if any(SET_BY_GAIN in row.value for row in rows):
-        typed = as_typed(design, set_)
+        typed = as_typed(design, set_) + (
+            "" if out == options.DEFAULT_OUT else f" --out {shlex.quote(str(out))}"
+        )
         say(
             f"open      amplifier and feedback follow from the gain: optopad run {typed}, then this command again"
         )

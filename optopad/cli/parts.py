@@ -388,8 +388,8 @@ def _summary(entry: PartEntry, file: Path) -> list[str]:
     lines += row("file", f"{file}")
     lines += row(
         "next",
-        f'put {file.name} beside the design, which names it before its first table: catalog_files = ["{file.name}"] '
-        f'(or its path from the design\'s folder); under [{section}]: part = "{entry.part_id}"',
+        f"put {file.name} into the folder of the design and name it there, before the first table: catalog_files = "
+        f'["{file.name}"] (or its path from that folder); under [{section}]: part = "{entry.part_id}"',
         3,
     )
     return lines
