@@ -36,7 +36,7 @@ setup: $(READY) ## create .venv and install optopad with everything it needs
 demo: $(RUNS) ## the main job on the published pad: outputs/piacenza2017-pad-<digest8>/
 	$(BIN)/optopad run $(DEMO)
 
-studio: setup ## the published pad live in a browser, on this machine alone
+studio: $(RUNS) ## the published pad live in a browser, on this machine alone
 	$(BIN)/optopad studio $(DEMO)
 
 test: setup ## what a change breaks first; three to four minutes on two cores
@@ -156,9 +156,9 @@ $(RUNS): pyproject.toml constraints.txt
 	$(environment)
 	$(call install,numba numpy platformdirs pydantic scipy tomlkit)
 	@PYTHONPATH=. $(BIN)/python -m sims.optics.compiling --alone </dev/null >/dev/null 2>&1 &
-	$(call install,-e ".[design]")
+	$(call install,-e ".[design$(comma)studio]")
 	@touch $@
 
 $(READY): $(RUNS)
-	$(call install,-e ".[design$(comma)dev]")
+	$(call install,-e ".[design$(comma)studio$(comma)dev]")
 	@touch $@

@@ -310,6 +310,24 @@ class DriverConfig:
     expected: ExpectedPattern | None = None
 
 
+def driver_file_of(where: str | os.PathLike[str]) -> Path | None:
+    """The driver configuration that a path names: the file itself, or the one in a bundle's folder.
+
+    The path of a design file or the name of a preset gives None. A file is a driver configuration if it has a format
+    version; a damaged or missing one is recognised by its name.
+    """
+    path = Path(where)
+    if path.is_dir():
+        in_bundle = path / "fabrication" / "driver.toml"
+        return in_bundle if in_bundle.is_file() else path / "driver.toml"
+    try:
+        if path.is_file():
+            return path if "format_version" in _document(path) else None
+    except InputError:
+        pass
+    return path if path.name == "driver.toml" else None
+
+
 def load_driver_config(path: str | os.PathLike[str], *, digest: str | None = None) -> DriverConfig:
     """Read and check a driver configuration.
 

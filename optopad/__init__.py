@@ -8,7 +8,7 @@
 
     with optopad.Sensor("driver.toml") as sensor:  # the finished pad; needs numpy and pyserial alone
         for touch in optopad.TouchReader(sensor, optopad.load_model("pad.optomodel")).touches(seconds=3.0):
-            print(touch.press_mm, touch.force_n)
+            print(touch)
 
 Parts, each importing only earlier ones: work, screen, results, report, jobs, sensor. Entry points: api (Python), cli
 (terminal).

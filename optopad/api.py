@@ -284,7 +284,7 @@ def read_recording(
 
 _DRIVER = {
     "Observations": "fabrication.driver.observations",
-    "Sensor": "fabrication.driver.sensor",
+    "Sensor": "optopad.sensor.driver_view",
     "TouchReader": "fabrication.driver.touch_reader",
 }
 """Classes of `import optopad` that are imported when first used, and their modules."""

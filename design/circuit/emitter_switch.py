@@ -28,8 +28,8 @@ The current is the lowest `max_current_ma` of the design's emitters, or that of 
 The supply feeds the lit emitter and its base, the amplifiers and the board.
 
 One emitter is lit at a time. If a fault lights all emitters, their currents add up. Each is the largest current that
-the emitter's resistor permits. The currents of the amplifiers and the board are assumed
-(`design/data/assumptions.toml`).
+the emitter's resistor permits. The current of an amplifier is that of its entry. As long as the amplifier is not known,
+its current is assumed, as that of the board is (`design/data/assumptions.toml`).
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from design.circuit.amplifier import Shortfall
 from design.circuit.pins import board_of, converter_of, driver_of, shift_register_of
 from design.fields.quantity import Quantity
 from design.parts.assumptions import assumption, standard_at_least, standard_at_most
-from design.parts.catalog import Board, Part, find_transistor
+from design.parts.catalog import Board, Part, find_amplifier, find_transistor
 from design.parts.electronics import Transistor
 from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
@@ -207,7 +207,9 @@ class SupplyCurrent:
     ----------
     emitter_ma : current of the emitter that draws most, plus the base current of its transistor, if it has one
     all_emitters_ma : the same for all emitters at once, which the firmware never lights together
-    amplifiers_ma, board_ma : assumed currents of the amplifiers and the board
+    amplifiers_ma : of all amplifiers, also of spare ones in their packages
+    is_amplifier_known : whether it is that of the catalogue's entry, and not assumed
+    board_ma : assumed current of the board
     circuits_ma : own current of converters and LED drivers
     """
 
@@ -215,6 +217,7 @@ class SupplyCurrent:
     all_emitters_ma: float
     amplifiers_ma: float
     board_ma: float
+    is_amplifier_known: bool
     circuits_ma: float = 0.0
 
     @property
@@ -228,8 +231,17 @@ class SupplyCurrent:
         return self.all_emitters_ma + self.amplifiers_ma + self.board_ma + self.circuits_ma
 
 
-def supply_current(design: SensorDesign) -> SupplyCurrent:
-    """The currents that a design draws from the supply."""
+def supply_current(design: SensorDesign, amplifier_id: str | None = None) -> SupplyCurrent:
+    """The currents that a design draws from the supply.
+
+    Parameters
+    ----------
+    amplifier_id : the receivers' amplifier in the catalogue; if None and the design names none, its current is assumed
+
+    Raises
+    ------
+    DesignError : the catalogue has no such amplifier.
+    """
     cavity, board, sink = cavity_of(design), board_of(design), current_sink(design)
     switches = [emitter_switch(one.part, board) for one in cavity.emitters]
     each = [switch.current_ma + switch.base_current_ma for switch in switches]
@@ -240,7 +252,15 @@ def supply_current(design: SensorDesign) -> SupplyCurrent:
     return SupplyCurrent(
         emitter_ma=max(each, default=0.0),
         all_emitters_ma=sum(each),
-        amplifiers_ma=assumption("amplifier_supply_ma").value * len(cavity.receivers),
+        amplifiers_ma=_amplifiers_ma(design, amplifier_id or design.board.amplifier, len(cavity.receivers)),
+        is_amplifier_known=(amplifier_id or design.board.amplifier) is not None,
         board_ma=assumption("board_supply_ma").value,
         circuits_ma=sum(circuits),
     )
+
+
+def _amplifiers_ma(design: SensorDesign, amplifier_id: str | None, receivers: int) -> float:
+    if amplifier_id is None:
+        return assumption("amplifier_supply_ma").value * receivers
+    entry = find_amplifier(entries_of(design), amplifier_id)
+    return entry.supply_ma.value * entry.channels * entry.needed(receivers)

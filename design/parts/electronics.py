@@ -21,7 +21,6 @@ from design.fields.quantity import (
     OutputMarginMv,
     SlewVPerUs,
     Text,
-    VoltageV,
 )
 from design.parts.circuits import Chip
 
@@ -60,7 +59,6 @@ class Transistor(Model):
         CurrentMa,
         Field(description="most collector current with stated saturation at a base current of a tenth"),
     ]
-    saturation_v: Annotated[VoltageV, Field(description="collector-emitter voltage at saturation_ma")]
     most_collector_v: Annotated[float, Field(gt=0.0, le=1000.0, description="most collector voltage [V]")]
     notes: tuple[Text, ...] = ()
 

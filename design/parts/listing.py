@@ -14,6 +14,7 @@ from design.errors import InputError
 from design.fields.base import Model, nearest
 from design.fields.quantity import CONFIDENCES, Confidence, Quantity
 from design.parts.catalog import Board, CatalogEntries, Elastomer, MoldMaterial, Part
+from design.parts.electronics import Amplifier
 
 MOST_FIGURES = 4
 _TITLES = {"elastomers": "silicones", "mold_materials": "plastics"}
@@ -56,6 +57,9 @@ def listed(entries: CatalogEntries, kind: str | None = None) -> tuple[Listed, ..
     InputError : there is no such group; the message lists them.
     """
     known = kinds_of(entries)
+    if kind is not None:
+        plain = kind.strip().lower().replace("_", "-").replace(" ", "-")
+        kind = next((one for one in (plain, f"{plain}s", f"{plain}es") if one in known), kind)
     if kind is not None and kind not in known:
         near = nearest(kind, known)
         hint = f"did you mean {near[0]}? " if near else ""
@@ -143,6 +147,21 @@ def _board(board: Board) -> str:
     )
 
 
+def _amplifier(amplifier: Amplifier) -> str:
+    margin_v, low, high = (
+        amplifier.output_margin_mv.value / 1e3,
+        amplifier.supply_low_v,
+        amplifier.supply_high_v,
+    )
+    bias = amplifier.bias_current_pa
+    most = "" if bias.high is None else f" (at most {bias.high:g})"
+    return (
+        f"{amplifier.channels} in a package, {low:g} to {high:g} V, {_of(amplifier.bandwidth_mhz)}, "
+        f"{_of(amplifier.slew_v_per_us)}, bias {bias.value:g}{most} {bias.unit}, output to {margin_v:g} V below the "
+        f"supply, {_of(amplifier.supply_ma)} each"
+    )
+
+
 def _first_numbers(entry: Model) -> str:
     found = []
     for name in type(entry).model_fields:
@@ -175,6 +194,7 @@ _SOURCES: dict[type[Model], tuple[str, ...]] = {Elastomer: ("index", "modulus")}
 """Fields whose source is shown, where others have values, too."""
 _FIGURES: dict[type[Model], Callable[[Any], str]] = {
     Part: _part,
+    Amplifier: _amplifier,
     Elastomer: _silicone,
     MoldMaterial: _plastic,
     Board: _board,

@@ -27,7 +27,7 @@ class Order(Model):
 
     Attributes
     ----------
-    low, high : smallest and largest value of a resistor [ohm] or capacitor [pF] with this part number
+    low, high : smallest and largest resistance [ohm], capacitance [pF] or diameter of a wire [mm] with this part number
     most_mw : largest power of a resistor [mW]
     """
 

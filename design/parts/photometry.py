@@ -70,8 +70,8 @@ def efficacy_lm_per_w(wavelength_nm: float | None) -> Quantity:
     if not sensitivity:
         low, high = (f"{end:g}" for end in _luminosity_table()[0][[0, -1]])
         raise InputError(
-            f"intensity in mcd at {wavelength_nm:g} nm is refused: the eye's sensitivity V is below 0.004 there, so "
-            f"it does not measure the light; needs {low} to {high} nm; give the radiant intensity in mW/sr instead, "
+            f"--intensity: mcd at {wavelength_nm:g} nm is refused: the eye's sensitivity V is below 0.004 there, so it "
+            f"does not measure the light; needs {low} to {high} nm; give the radiant intensity in mW/sr instead, "
             "as sheets of infrared and ultraviolet LEDs state it"
         )
     largest = _quantity("largest_efficacy")

@@ -25,7 +25,7 @@ from design.rules.light import (
     path_findings,
     workspace_findings,
 )
-from design.rules.mold import mold_findings, reach_notes, web_findings
+from design.rules.mold import housing_notes, mold_findings, reach_notes, web_findings
 from design.rules.reference import entry_findings, found_board, part_findings
 from design.rules.shape import is_spanned, shape_findings, span_findings
 from design.shape.cavity import CavityGeometry, cavity_of
@@ -72,8 +72,8 @@ def check(design: SensorDesign) -> tuple[Finding, ...]:
 
 
 def notes(design: SensorDesign) -> tuple[Finding, ...]:
-    """Notes about usual limitations that a user may not expect; the design must have no errors."""
-    return tuple(reach_notes(design))
+    """Notes about what a user may not expect or know; the design must have no errors."""
+    return (*reach_notes(design), *housing_notes(design))
 
 
 def require_valid(design: SensorDesign) -> None:

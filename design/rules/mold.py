@@ -15,14 +15,23 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from design.errors import DesignError
 from design.fields.finding import Finding, error, mm, note, warning
 from design.fields.quantity import ROUNDING_MM
 from design.mold.filling import is_cast_under_lid
 from design.mold.outline import MoldOutline, outline_of
-from design.mold.webs import Clearance, clearances, rim_clearances
+from design.mold.webs import INSET, Clearance, clearances, rim_clearances
+from design.parts.catalog import packaged
 from design.shape.cavity import plan_of
 from design.spec import SensorDesign
 from design.spec.properties import elastomer_of, entries_of
+
+FLAT_PAIR = ("kingbright-apt2012zgc", "osram-sfh2400")
+"""Packaged LED and photodiode that need the thinnest wall, and whose colours suit each other."""
+MUCH_LARGER = 1.5
+"""Ratio of two housings' areas above which the smaller one is suggested [-]."""
+WALL_STEP_MM, WIDEST_MM = 0.5, 16.0
+"""Step and end of the search for the thinnest wall of a mold [mm]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -286,3 +295,61 @@ def reach_notes(design: SensorDesign) -> Iterator[Finding]:
         )
         + "; a fingertip or a tip smaller than the opening needs neither",
     )
+
+
+def housing_notes(design: SensorDesign) -> Iterator[Finding]:
+    """Note about LEDs of the user's own, if a flat packaged pair would have a much smaller housing.
+
+    Housings are compared by the areas of the smallest molds, seen from above, that keep all clearances.
+    """
+    own = outline_of(design).sockets
+    emitters = sorted({one.part.part_id for one in own if one.part.kind == "emitter"} - set(packaged().parts))
+    if not emitters:
+        return
+    try:
+        flat = design.with_(**{"emitters.part": FLAT_PAIR[0], "receivers.part": FLAT_PAIR[1]})
+    except DesignError:
+        return
+    sizes = [_least_outer_mm(one) for one in (design, flat)]
+    if {one.part.part_id for one in outline_of(flat).sockets} != set(FLAT_PAIR) or None in sizes:
+        return
+    mine, theirs = (size for size in sizes if size is not None)
+    if mine[0] * mine[1] <= MUCH_LARGER * theirs[0] * theirs[1]:
+        return
+    outline, times = outline_of(design), mine[0] * mine[1] / (theirs[0] * theirs[1])
+    led, diode = FLAT_PAIR
+    yield note(
+        "emitters.part",
+        f"the housing of {', '.join(emitters)} is {times:.1f} times as large as that of a flat packaged pair",
+        value=f"outside {outline.outer_length_mm:g} x {outline.outer_width_mm:g} mm, at least "
+        f"{mine[0]:g} x {mine[1]:g} mm with these parts",
+        limit=f"{theirs[0]:g} x {theirs[1]:g} mm for the pair",
+        way_out=f"if there is no room, set emitters.part = '{led}', receivers.part = '{diode}', the heights anew, and "
+        f"{INSET} = {design.mold.fixing_hole_diameter_mm / 2 + design.mold.min_web_mm:g}",
+    )
+
+
+def _least_outer_mm(design: SensorDesign) -> tuple[float, float] | None:
+    """Length and width of the smallest mold, in steps of 0.5 mm, that violates no clearance which a larger one keeps.
+
+    Fixing holes are as near to the outer faces as they may be. None if the schema refuses the sizes.
+    """
+    plan, mold = plan_of(design), design.mold
+    is_round = plan.outline.dimensions[0].is_diameter
+    inset_mm = mold.fixing_hole_diameter_mm / 2 + mold.min_web_mm
+
+    def violated(wall_mm: float) -> set[str]:
+        length, width = plan.length_mm + 2 * wall_mm, plan.width_mm + 2 * wall_mm
+        sizes = {"mold.outer_length_mm": length, "mold.outer_width_mm": width}
+        sizes = {"mold.outer_diameter_mm": length} if is_round else sizes
+        larger = design.with_(**sizes, **{INSET: inset_mm})
+        return {f"{one.name} {one.where}" for one in clearances(larger) if not one.is_kept}
+
+    try:
+        others, low, high = violated(WIDEST_MM), 0, round(WIDEST_MM / WALL_STEP_MM)
+        while high - low > 1:
+            middle = (low + high) // 2
+            low, high = (low, middle) if violated(middle * WALL_STEP_MM) == others else (middle, high)
+    except DesignError:
+        return None
+    return plan.length_mm + 2 * high * WALL_STEP_MM, plan.width_mm + 2 * high * WALL_STEP_MM

@@ -34,6 +34,7 @@ __all__ = [
     "stamp",
     "top_frame",
     "touch_message",
+    "wrench_message",
 ]
 
 M_PER_MM = 1e-3
@@ -126,6 +127,20 @@ def touch_message(touch: Touch, frame_id: str) -> dict[str, Any]:
         "is_gain_like": touch.drift.is_gain_like,
         "gain_steps": touch.drift.gain_steps,
         "latency": touch.latency_ms / 1e3,
+    }
+
+
+def wrench_message(touch: Touch, frame_id: str) -> dict[str, Any]:
+    """Fields of a touch as a wrench: the force of the pad on the object, and its torque about the frame's origin.
+
+    The force is along the outward normal, +z on a flat pad. Both are zero without a touch, or without a known force.
+    """
+    normal = np.where(np.isfinite(touch.normal), touch.normal, (0.0, 0.0, 1.0))
+    force = normal * float(np.nan_to_num(touch.force_n or 0.0)) * touch.is_touched
+    point = np.nan_to_num(np.where(np.isfinite(touch.point_mm), touch.point_mm, (*touch.press_mm[:2], 0.0)))
+    return {
+        "header": {"stamp": stamp(touch.frame.began_s), "frame_id": frame_id},
+        "wrench": {"force": _vector(force), "torque": _vector(np.cross(point * M_PER_MM, force))},
     }
 
 

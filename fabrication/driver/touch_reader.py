@@ -4,8 +4,7 @@ import optopad
 
 with optopad.Sensor("driver.toml") as sensor:
     for touch in optopad.TouchReader(sensor, optopad.load_model("pad.optomodel")):
-        if touch.is_touched:
-            print(touch.press_mm, touch.sigma_mm)
+        print(touch)  # touched   x 16.02 ± 0.21 mm, y 15.90 ± 0.18 mm, depth 1.00 ± 0.05 mm, score +1.32
 """
 
 from __future__ import annotations
@@ -27,6 +26,12 @@ from fabrication.driver.sensor import BASELINE_S, Sensor
 from sims.learning.inference.header import ModelHeader, require_design
 from sims.learning.inference.prediction import Prediction
 from sims.learning.inference.touch_model import TouchModel
+
+AXES = ("x", "y", "depth")
+"""Names of the three numbers of a press."""
+
+ODD_S = 5.0
+"""Time that frames may differ from the untouched ones without a touch before a note says so [s]."""
 
 MOST_TOGETHER = 64
 """Largest number of waiting frames that the model predicts in one batch."""
@@ -63,6 +68,33 @@ class Touch:
     force_sigma_n: float
     drift: DriftState
     latency_ms: float
+
+    def __str__(self) -> str:
+        """One line: location and depth [mm], force [N] if known, each with its uncertainty; the score; a note."""
+        where = "untouched"
+        if self.is_touched:
+            parts = [
+                f"{axis} {with_sigma(self.press_mm[k], self.sigma_mm[k], 'mm')}"
+                for k, axis in enumerate(AXES)
+            ]
+            if self.force_n is not None:
+                parts.append(f"force {with_sigma(self.force_n, self.force_sigma_n, 'N')}")
+            where = f"touched   {', '.join(parts)}"
+        return f"{where}, score {self.touch_score:+.2f}{'; ' * bool(self.note)}{self.note}"
+
+    @property
+    def note(self) -> str:
+        """Why the frame is not as untouched although the model reports no touch; "" otherwise."""
+        if self.drift.is_gain_like:
+            return "a change of gain, no touch"
+        if self.drift.held_without_touch_s > ODD_S:
+            return "not as untouched, but no touch for the model: lighter than in its training, or dirt"
+        return ""
+
+
+def with_sigma(value: float, sigma: float, unit: str) -> str:
+    """A value with its standard deviation, which is left out if it is not known (NaN)."""
+    return f"{value:.2f}{f' ± {sigma:.2f}' if math.isfinite(sigma) else ''} {unit}"
 
 
 class TouchReader:

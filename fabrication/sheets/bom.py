@@ -74,6 +74,8 @@ PULL_UP_OHM = 10e3
 """Resistor that keeps the outputs of LED drivers off until the program starts."""
 WIRES_EACH = 2
 """Wires from each emitter and receiver to the circuit."""
+USUAL_WIRE_MM = 0.8
+"""Diameter of the wires over their insulation, if no part states one [mm]."""
 THREADS_MM = (2.0, 2.5, 3.0, 4.0, 5.0, 6.0)
 """Metric threads of the screws of a mold in two pieces (ISO 261)."""
 SCREW_LENGTHS_MM = (6, 8, 10, 12, 16, 20, 25, 30, 35, 40, 45, 50, 55, 60, 65, 70, 80, 90, 100)
@@ -130,6 +132,7 @@ def bom_rows(design: SensorDesign, gain: SimulatedGain | None = None) -> tuple[B
         *_amplifier_rows(design, cavity.receivers, gain),
         *_circuit_rows(design),
         _header_row(cavity.parts),
+        *_wire_rows(cavity.parts),
         *_silicone_rows(design),
         *_printed_rows(design),
     )
@@ -401,6 +404,25 @@ def _header_row(parts: Sequence[PlacedPart]) -> BomRow:
         note="connects the pad's wires to the circuit, two positions for each part; break the strips to length",
     )
     return _ordered(row, "pin-header")
+
+
+def _wire_rows(parts: Sequence[PlacedPart]) -> Iterator[BomRow]:
+    """Wires between pad and circuit, by their diameter [mm], which the neck of a surface part's slot pinches.
+
+    A radial part has leads, to which the thickest of these wires is soldered.
+    """
+    held = {part.name: part.part.lead_diameter_mm.value for part in parts if part.part.mounting == "surface"}
+    thickest, each_m = max(held.values(), default=USUAL_WIRE_MM), assumption("wire_m").value
+    for size in dict.fromkeys(held.get(part.name, thickest) for part in parts):
+        count = WIRES_EACH * sum(held.get(part.name, thickest) == size for part in parts)
+        row = BomRow(
+            item="hook-up wire",
+            quantity=round(count * each_m, 2),
+            unit="m",
+            value=f"insulated copper, {size:g} mm over the insulation",
+            note=f"{count} wires of {each_m:g} m (assumed) from the pad's parts to the circuit",
+        )
+        yield _ordered(row, "wire", "thin-wire", value=size)
 
 
 def _silicone_rows(design: SensorDesign) -> Iterator[BomRow]:

@@ -29,7 +29,7 @@ def buy_lines(rows: Sequence[BomRow]) -> Iterator[str]:
         if row.cost is not None:
             yield f"{plain(row.item)}: {plain(row.cost.source)} ({row.cost.date})."
     yield "Fill `unit_cost`, `currency` and `cost_date` in a copy of `bom.csv` for your own prices:"
-    yield "`optopad driver config DESIGN --prices COPY.csv`. Wire, solder, circuit board and filament are not listed."
+    yield "`optopad driver config DESIGN --prices COPY.csv`. Solder, circuit board and filament are not listed."
     yield ""
 
 

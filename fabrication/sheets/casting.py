@@ -73,7 +73,7 @@ def casting_md(
         _cast(design, cavity),
         _cure(design),
         _measure_after(design, cavity),
-        circuit_lines(design),
+        circuit_lines(design, gain),
         gain_lines(design, gain),
     )
     return "\n".join(line for section in sections for line in section).rstrip() + "\n"

@@ -22,6 +22,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 from pydantic import ValidationError
 
@@ -41,7 +42,9 @@ PriceKey = tuple[str, ...]
 """A column of `KEYS` with its text. The item's name may have the `value` as third."""
 NEEDED = ("unit_cost", "currency", "cost_date")
 MOST_PRICE = 1e9
-_BUDGET = re.compile(r"\s*(?P<amount>[+-]?\d+(?:\.\d+)?)\s*(?P<currency>[A-Za-z]*)\s*")
+_AMOUNT = r"[+-]?\d+(?:\.\d+|,\d{1,2})?"
+"""A decimal comma has one or two digits after it, because three may be thousands."""
+_BUDGET = re.compile(rf"\s*(?P<amount>{_AMOUNT})\s*(?P<currency>[A-Za-z]*)\s*")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,6 +70,37 @@ class Budget:
 
     amount: float
     currency: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class HeldBudget:
+    """A budget compared with the prices in its currency.
+
+    Attributes
+    ----------
+    verdict : "undecided" as long as the known prices are within the budget and a row has no price in its currency
+    known, left : sum of the known prices, and what they leave of the amount; negative if they exceed it
+    """
+
+    verdict: Literal["within", "over", "undecided"]
+    amount: float
+    currency: str
+    known: float
+    left: float
+    rows_without_price: int
+
+    @property
+    def words(self) -> str:
+        """The comparison as text, such as "over 25.00 EUR: 30.00 known, 5.00 too much"."""
+        limit = f"{self.amount:.2f} {self.currency}"
+        text = {
+            "over": f"over {limit}: {self.known:.2f} known, {-self.left:.2f} too much",
+            "undecided": f"not decided for {limit}: {self.known:.2f} known, {self.left:.2f} left for the rest",
+            "within": f"within {limit}: {self.known:.2f} in all, {self.left:.2f} left",
+        }[self.verdict]
+        if self.rows_without_price:
+            text += f"; {self.rows_without_price} rows have no price in {self.currency}"
+        return text
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,30 +154,32 @@ def parsed_budget(text: str) -> Budget:
     """
     found = _BUDGET.fullmatch(text)
     if found is None:
-        raise InputError(f"--budget: {shown(text)} is refused: write amount and currency, as 25EUR")
-    amount, currency = float(found["amount"]), found["currency"].upper()
+        raise InputError(
+            f"--budget: {shown(text)} is refused: write amount and currency, as 25EUR or 25.50EUR"
+        )
+    amount, currency = float(found["amount"].replace(",", ".")), found["currency"].upper()
     if not 0 < amount < MOST_PRICE:
         raise InputError(f"--budget: {shown(text)} is refused: the amount must be above 0, as 25EUR")
     _require_currency(currency, f"--budget: {shown(text)}")
     return Budget(amount=amount, currency=currency)
 
 
-def budget_words(rows: Sequence[BomRow], budget: Budget) -> str:
-    """Whether the prices in the budget's currency are within or over it, and how many rows have none."""
+def held_against(rows: Sequence[BomRow], budget: Budget) -> HeldBudget:
+    """Compare the prices in the budget's currency with it, and count the rows that have none."""
     known = bill_sum(rows).known.get(budget.currency, 0.0)
     unknown = sum(
         row.cost is None or row.order_quantity is None or row.cost.currency != budget.currency
         for row in rows
         if row.is_bought
     )
-    limit = f"{budget.amount:.2f} {budget.currency}"
-    if known > budget.amount:
-        verdict = f"over {limit}: {known:.2f} known, {known - budget.amount:.2f} too much"
-    elif unknown:
-        verdict = f"not decided for {limit}: {known:.2f} known, {budget.amount - known:.2f} left for the rest"
-    else:
-        verdict = f"within {limit}: {known:.2f} in all, {budget.amount - known:.2f} left"
-    return verdict + (f"; {unknown} rows have no price in {budget.currency}" if unknown else "")
+    return HeldBudget(
+        verdict="over" if known > budget.amount else "undecided" if unknown else "within",
+        amount=budget.amount,
+        currency=budget.currency,
+        known=round(known, 2),
+        left=round(budget.amount - known, 2),
+        rows_without_price=unknown,
+    )
 
 
 def read_prices(file: Path) -> dict[PriceKey, Price]:
@@ -225,20 +261,21 @@ def _with_price(row: BomRow, prices: Mapping[PriceKey, Price]) -> BomRow:
 
 def _price(table: CsvTable, place: int, record: Mapping[str, str]) -> Price:
     where = table.where(place)
+    text, currency = record["unit_cost"].strip(), record["currency"].strip().upper()
     try:
-        value = float(record["unit_cost"])
+        value = float(text.replace(",", ".") if re.fullmatch(_AMOUNT, text) else text)
     except ValueError:
         value = math.nan
     if not 0 <= value < MOST_PRICE:
         raise InputError(
             f"{where}: unit_cost {shown(record['unit_cost'])} is no price; write a number, as 8.90"
         )
-    _require_currency(record["currency"], f"{where}: currency")
+    _require_currency(currency, f"{where}: currency")
     source = record.get("cost_source", "")
     try:
         cost = Cost(
             value=value,
-            currency=record["currency"],
+            currency=currency,
             date=record["cost_date"],
             source=table.file.name if source in ("", NO_PRICE) else source,
         )

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 
 from design.circuit.emitter_switch import (
     CurrentSink,
+    SupplyCurrent,
     current_sink,
     emitter_switch,
     most_drive_ma,
@@ -52,10 +53,11 @@ from fabrication.sheets import svg
 from fabrication.sheets.svg import Element, Point
 
 
-def circuit_lines(design: SensorDesign) -> Iterator[str]:
+def circuit_lines(design: SensorDesign, gain: SimulatedGain | None = None) -> Iterator[str]:
     """Lines of the section on the emitters' switches and supply in the casting instructions, as Markdown."""
     kinds = {one.part_id: one.part for one in cavity_of(design).emitters}
-    board, current = board_of(design), supply_current(design)
+    board, current = board_of(design), _current(design, gain)
+    amplifiers = f"{_ma(current.amplifiers_ma)}{'' if current.is_amplifier_known else '*'}"
     driver, most_ma = most_drive_ma(design, board)
     more = f", converters and LED drivers ({current.circuits_ma:.0f})" if current.circuits_ma else ""
     yield "## Wire the emitters"
@@ -67,7 +69,7 @@ def circuit_lines(design: SensorDesign) -> Iterator[str]:
         yield f"{sink.current_ma:.1f} mA through the emitter that is on."
         yield ""
         yield f"The supply, {_supply_text(design)}, gives {current.full_power_ma:.0f}* mA at full power: one emitter"
-        yield f"({current.emitter_ma:.0f}), the amplifiers ({current.amplifiers_ma:.0f}*) and the board"
+        yield f"({current.emitter_ma:.0f}), the amplifiers ({amplifiers}) and the board"
         yield f"({current.board_ma:.0f}*){more}. If a fault lit all emitters, it would be {current.fault_ma:.0f}*."
         yield ""
         return
@@ -83,7 +85,7 @@ def circuit_lines(design: SensorDesign) -> Iterator[str]:
         yield f"| {part_id} | {series} | {ohm_text(switch.base_ohm)} | {lit} | {pin} |"
     yield ""
     yield f"The supply, {_supply_text(design)}, gives {current.full_power_ma:.0f}* mA at full power: one emitter"
-    yield f"lit with its base current ({current.emitter_ma:.0f}), the amplifiers ({current.amplifiers_ma:.0f}*) and the"
+    yield f"lit with its base current ({current.emitter_ma:.0f}), the amplifiers ({amplifiers}) and the"
     yield f"board ({current.board_ma:.0f}*){more}. If a fault lit all emitters, it would be {current.fault_ma:.0f}*."
     yield ""
 
@@ -113,7 +115,7 @@ def schematic_svg(design: SensorDesign, gain: SimulatedGain | None = None) -> st
     DesignError : the catalogue does not have a part, or the board does not have a pin.
     """
     connections, feedbacks = connections_of(design), feedbacks_for(design, gain)
-    notes, sink = _notes(design), current_sink(design)
+    notes, sink = _notes(design, gain), current_sink(design)
     blocks = [
         *_shift_registers(design),
         *_led_drivers(design),
@@ -447,14 +449,24 @@ def _labels(at: Point, name: str, value: str) -> Iterator[Element]:
     yield svg.text((at[0], at[1] + 14), value, VALUE_PX, fill=QUIET)
 
 
-def _notes(design: SensorDesign) -> Sequence[str]:
-    current, board = supply_current(design), board_of(design)
+def _current(design: SensorDesign, gain: SimulatedGain | None) -> SupplyCurrent:
+    feedbacks = feedbacks_for(design, gain)
+    return supply_current(design, None if feedbacks is None else feedbacks[0].amplifier_id)
+
+
+def _ma(current: float) -> str:
+    return f"{current:.0f}" if current >= 10.0 else f"{current:.2g}"
+
+
+def _notes(design: SensorDesign, gain: SimulatedGain | None) -> Sequence[str]:
+    current, board = _current(design, gain), board_of(design)
+    assumed = "" if current.is_amplifier_known else " (assumed)"
     lit = "emitter and base" if driver_of(design) is None else "the emitter"
     more = f", {current.circuits_ma:.0f} for converters and LED drivers" if current.circuits_ma else ""
     return (
         f"Supply {_supply_text(design)}, ground common with the {board.title}. One emitter is lit at a time.",
         f"At full power {current.full_power_ma:.0f} mA: "
-        f"{current.emitter_ma:.0f} mA for {lit}, {current.amplifiers_ma:.0f} for the amplifiers (assumed), "
+        f"{current.emitter_ma:.0f} mA for {lit}, {_ma(current.amplifiers_ma)} for the amplifiers{assumed}, "
         f"{current.board_ma:.0f} for the board (assumed){more};",
         f"{current.fault_ma:.0f} mA if a fault lit all emitters.",
         f"{pin_words(design)}.",

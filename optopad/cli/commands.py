@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -57,8 +58,12 @@ def config(
     as_json: options.Json = False,
 ) -> None:
     """Write driver.toml, wiring table and bill of materials of a design."""
-    from fabrication.sheets.prices import bill_sum, budget_words, parsed_budget, read_prices, unused_words
+    from dataclasses import asdict
+
+    from fabrication.sheets.bom import SET_BY_GAIN
+    from fabrication.sheets.prices import bill_sum, held_against, parsed_budget, read_prices, unused_words
     from optopad.jobs.pipeline import write_driver_config
+    from optopad.screen.verdict import as_typed
 
     limit, own = (
         None if budget is None else parsed_budget(budget),
@@ -66,14 +71,15 @@ def config(
     )
     bundle, rows = write_driver_config(read_design(design, set_), out, seed=seed, prices=own)
     folder, total = bundle / "fabrication", bill_sum(rows)
-    judged = None if limit is None else budget_words(rows, limit)
+    held = None if limit is None else held_against(rows, limit)
     unused = None if own is None else unused_words(rows, own)
     if as_json:
         bill = {
             "known": total.known,
             "rows": total.rows,
             "rows_without_price": total.unpriced,
-            "budget": judged,
+            "rows_set_by_gain": sum(SET_BY_GAIN in row.value for row in rows),
+            "budget": None if held is None else asdict(held),
             "unused_prices": unused,
         }
         files = sorted(str(file) for file in folder.iterdir() if file.is_file())
@@ -82,8 +88,15 @@ def config(
     say(f"bill      {total.words}")
     if unused is not None:
         say(f"prices    {unused}")
-    if judged is not None:
-        say(f"budget    {judged}")
+    if held is not None:
+        say(f"budget    {held.words}")
+    if any(SET_BY_GAIN in row.value for row in rows):
+        typed = as_typed(design, set_) + (
+            "" if out == options.DEFAULT_OUT else f" --out {shlex.quote(str(out))}"
+        )
+        say(
+            f"open      amplifier and feedback follow from the gain: optopad run {typed}, then this command again"
+        )
     say(f"files     {folder}")
 
 

@@ -241,7 +241,7 @@ def studio(
         if err.name != "viser":
             raise
         raise InputError(
-            "studio: needs the package viser; install it (pip install 'optopad[studio]', or pip install viser)"
+            "studio: needs the package viser; run `make demo`, or `pip install '.[studio]'` in the checkout"
         ) from None
     sys.setswitchinterval(QUICK_SWITCH_S)
     page = Page(session, out=out, port=page_port, seed=seed, live=live)

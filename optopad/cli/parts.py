@@ -187,7 +187,17 @@ def new(
         "title": title,
     }
     _require_identifier(name)
-    entry = part_entry(_sheet(name, _completed(given, may_prompt=not as_json)))
+    given, prompted = _completed(given, may_prompt=not as_json)
+    while True:
+        try:
+            entry = part_entry(_sheet(name, given))
+            break
+        except InputError as err:
+            wrong = re.match(r"--([a-z-]+):", str(err))
+            if wrong is None or wrong.group(1) not in prompted:
+                raise
+            typer.echo(f"{err}", err=True)
+            given |= {wrong.group(1): typer.prompt(prompted[wrong.group(1)])}
     file = out or Path(f"{name}.toml")
     _write(entry, file)
     tell(as_json, lambda: {"file": str(file), **entry.document()}, lambda: _summary(entry, file))
@@ -196,24 +206,33 @@ def new(
 def _require_identifier(name: str) -> None:
     from design.fields.base import IDENTIFIER_PATTERN
     from design.fields.validation import PATTERN_WORDS
+    from design.parts.catalog import packaged
 
     if not re.fullmatch(IDENTIFIER_PATTERN, name):
         plain = re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")[:63] or "my-part"
         raise InputError(
             f"NAME: {name!r} is refused: must be {PATTERN_WORDS[IDENTIFIER_PATTERN]}; use {plain}"
         )
+    if name in packaged().parts:
+        raise InputError(
+            f"NAME: {name} is a packaged part, which an entry of this name would replace; use my-{name}, or give "
+            f"single values that you measured under [part_measurements.{name}] of the design"
+        )
 
 
-def _completed(given: Given, *, may_prompt: bool) -> Given:
-    """The options with those that are missing, from prompts on a terminal.
+def _completed(given: Given, *, may_prompt: bool) -> tuple[Given, dict[str, str]]:
+    """The options with those that are missing, from prompts on a terminal; and the questions of these prompts.
 
     Raises
     ------
     InputError : without a terminal, options are missing; or an option belongs to the other kind of part.
     """
     prompts = may_prompt and sys.stdin.isatty() and sys.stdout.isatty()
-    said = typer.prompt(QUESTIONS["kind"]) if given["kind"] is None and prompts else given["kind"]
-    kind = "" if said is None else said.strip().lower()
+    said = given["kind"]
+    while True:
+        kind = (typer.prompt(QUESTIONS["kind"]) if said is None and prompts else said or "").strip().lower()
+        if kind in KINDS or said is not None or not prompts:
+            break
     if kind not in KINDS:
         raise InputError(
             f"--kind: {'is missing' if said is None else f'{said!r} is refused'}; give led or photodiode"
@@ -227,7 +246,7 @@ def _completed(given: Given, *, may_prompt: bool) -> Given:
     foreign = [name for name in (PHOTODIODE_ONLY if kind == "led" else LED_ONLY) if given[name] is not None]
     if foreign:
         raise InputError(f"--{foreign[0]}: {given[foreign[0]]} is refused: a {kind} has none; leave it out")
-    return given
+    return given, asked
 
 
 def _is_missing(given: Given, name: str) -> bool:
@@ -369,8 +388,8 @@ def _summary(entry: PartEntry, file: Path) -> list[str]:
     lines += row("file", f"{file}")
     lines += row(
         "next",
-        f'in the design, before its first table: catalog_files = ["{file.name}"]; under [{section}]: '
-        f'part = "{entry.part_id}"',
+        f"put {file.name} into the folder of the design and name it there, before the first table: catalog_files = "
+        f'["{file.name}"] (or its path from that folder); under [{section}]: part = "{entry.part_id}"',
         3,
     )
     return lines

@@ -271,7 +271,7 @@ def _touch_reader(
 def _show_touch(
     reader: TouchReader, frames: int | None, seconds: float | None, write: Callable[[str], None] | None
 ) -> None:
-    from optopad.sensor.touch_view import start_note, touch_json, touch_line, touch_view
+    from optopad.sensor.touch_view import start_note, touch_json, touch_view
 
     touches = reader.touches(frames, seconds)
     if note := start_note(reader):
@@ -286,7 +286,7 @@ def _show_touch(
         for touch in touches:
             if (now := time.monotonic()) - said_at >= LINE_EVERY_S:
                 said_at = now
-                print(touch_line(touch), file=sys.stderr)
+                print(touch, file=sys.stderr)
 
 
 def _live(sensor: Sensor, frames: int | None, seconds: float | None) -> None:

@@ -1,14 +1,17 @@
 """Output of `driver read` and `driver check`: a live table and heat map for a terminal, otherwise lines and JSON.
 
-The module also chooses the driver configuration that an argument of the command line names, and simulates its light.
+The module also chooses the driver configuration that an argument of the command line or of `optopad.Sensor` names, and
+simulates its light.
 
 A `driver.toml` is used directly, and a bundle's folder contains one. For a design or preset, the file in its bundle in
-`outputs` is used; if the bundle has none, a configuration is made in memory.
+`outputs` is used; if the bundle has none, a configuration is made in memory. With the driver alone, only designs are
+refused.
 """
 
 from __future__ import annotations
 
 import math
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,20 +19,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from design.arrays import FloatArray
-from design.errors import DesignError, InputError
-from design.io import read_design_text
+from design.errors import InputError
 from design.progress import OnStep
-from design.spec import SensorDesign
-from design.toml_text import parsed_toml
+from fabrication.driver import sensor as driver
 from fabrication.driver.check import Verdict
 from fabrication.driver.link.frames import Frame
-from fabrication.driver.sensor import Sensor
 from fabrication.driver.simulated.press_table import PressTable, table_from_signals, table_of, untouched_table
-from fabrication.driver_file import DriverConfig, load_driver_config
+from fabrication.driver_file import DriverConfig, driver_file_of, load_driver_config
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
+    from design.spec import SensorDesign
     from fabrication.gain import SimulatedGain
     from sims.learning.inference.touch_model import TouchModel
 
@@ -61,17 +62,43 @@ def driver_source(where: str, changes: list[str] | None, out: Path) -> DriverSou
     ------
     InputError, DesignError : the file or preset does not exist or is damaged, or `--set` is given without a design.
     """
-    path = Path(where)
-    file = path / "fabrication" / "driver.toml" if path.is_dir() else path
-    if path.is_dir() and not file.is_file():
-        file = path / "driver.toml"
-    if path.is_dir() or _is_driver_file(file):
+    file = driver_file_of(where)
+    if file is not None:
         if changes:
             raise InputError(f"--set: {where} is a finished file; name the design and change that")
         return DriverSource(config=load_driver_config(file), design=None, bundle=_bundle_of(file))
     from optopad.work import read_design
 
     return source_of(read_design(where, changes), out)
+
+
+class Sensor(driver.Sensor):
+    """The driver's `Sensor`, which also takes a bundle's folder, a design file or the name of a preset.
+
+    Parameters
+    ----------
+    config : path of a driver.toml, bundle folder or design file, the name of a preset, or the configuration itself. A
+        design's bundle is searched in the folder `outputs`, as `optopad driver read` does
+    options : port, rate_hz and all others of `fabrication.driver.Sensor`
+
+    Raises
+    ------
+    InputError, DesignError : nothing of this name exists or it is damaged, or a design is named where only the driver
+        is installed.
+    """
+
+    def __init__(
+        self, config: str | os.PathLike[str] | DriverConfig, port: str | None = None, **options: Any
+    ) -> None:
+        if not isinstance(config, DriverConfig):
+            try:
+                config = driver_source(os.fspath(config), None, Path("outputs")).config
+            except ModuleNotFoundError as err:
+                raise InputError(
+                    f"{config}: no driver.toml and no bundle's folder; the driver alone reads no designs, because "
+                    f"{err.name} is not installed: name the bundle, or run `pip install '.[design]'` in the checkout"
+                ) from None
+        super().__init__(config, port, **options)
 
 
 def with_expected_pattern(source: DriverSource, *, seed: int, on_step: OnStep) -> DriverConfig:
@@ -205,14 +232,6 @@ def _bundle_of(file: Path) -> Path | None:
     return folder if (folder / "manifest.json").is_file() else None
 
 
-def _is_driver_file(file: Path) -> bool:
-    """Whether a file is a driver configuration and not a design, judged by its format version."""
-    try:
-        return file.is_file() and "format_version" in parsed_toml(read_design_text(file))
-    except (DesignError, ValueError):
-        return file.name == "driver.toml"  # a damaged file has its own message
-
-
 FULL_CHANGE = 0.5
 """Change of a signal, as a share of its baseline, that has the strongest colour."""
 
@@ -244,7 +263,7 @@ def frame_json(frame: Frame, digits: int = 5) -> dict[str, Any]:
     }
 
 
-def link_json(sensor: Sensor) -> dict[str, Any]:
+def link_json(sensor: driver.Sensor) -> dict[str, Any]:
     """Port, board, and events on the line, as plain data."""
     counts = sensor.counts
     return {
@@ -258,7 +277,7 @@ def link_json(sensor: Sensor) -> dict[str, Any]:
     }
 
 
-def link_line(sensor: Sensor) -> str:
+def link_line(sensor: driver.Sensor) -> str:
     """One line with the frame rate, and the numbers of received, lost and damaged frames."""
     counts, rate = sensor.counts, sensor.rate_hz
     told = "-" if rate is None else f"{rate:.1f}"
@@ -267,7 +286,7 @@ def link_line(sensor: Sensor) -> str:
     return text + "".join(f", {number} {name}" for name, number in rare.items() if number)
 
 
-def strongest_change(frame: Frame, sensor: Sensor) -> str:
+def strongest_change(frame: Frame, sensor: driver.Sensor) -> str:
     """The pair that changed most relative to its baseline."""
     if frame.baseline is None or not np.isfinite(frame.normalised).any():
         return ""
@@ -277,7 +296,7 @@ def strongest_change(frame: Frame, sensor: Sensor) -> str:
     return f"{said.emitters.names[i]}-{said.receivers.names[j]} {change[i, j]:+.0%}"
 
 
-def live_table(frame: Frame, sensor: Sensor, size: tuple[int, int]) -> RenderableType:
+def live_table(frame: Frame, sensor: driver.Sensor, size: tuple[int, int]) -> RenderableType:
     """Heat map of normalised signals, one line per emitter, below a line about the link and above an explanation.
 
     Parameters

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from design.arrays import FloatArray
-from fabrication.driver.touch_reader import Touch, TouchReader
+from fabrication.driver.touch_reader import AXES, Touch, TouchReader, with_sigma
 from optopad.sensor.driver_view import link_line
 
 if TYPE_CHECKING:
@@ -21,11 +21,8 @@ LIGHT_MM, DEEP_MM = 0.5, 2.0
 MARKS = ("○", "◉", "●")
 """Marks of a touch that is less than 0.5 mm deep, less than 2 mm deep, or deeper."""
 
-ODD_S = 5.0
 FAR_START = 0.1
 """Difference between the readings at the start and the training data, after gains, above which a note is shown."""
-
-AXES = ("x", "y", "depth")
 
 
 def touch_json(touch: Touch, digits: int = 4) -> dict[str, Any]:
@@ -53,15 +50,6 @@ def touch_json(touch: Touch, digits: int = 4) -> dict[str, Any]:
         "gain_like": drift.is_gain_like,
         "latency_ms": round(touch.latency_ms, 2),
     }
-
-
-def touch_line(touch: Touch) -> str:
-    """The location of the touch in one line."""
-    if not touch.is_touched:
-        return "untouched" + _note(touch)
-    parts = [f"{axis} {_with_sigma(touch, k)}" for k, axis in enumerate(AXES)]
-    force = "" if touch.force_n is None else f", force {_force(touch)}"
-    return "touched   " + ", ".join(parts) + force + _note(touch)
 
 
 def touch_view(touch: Touch, reader: TouchReader) -> RenderableType:
@@ -112,33 +100,18 @@ def _rows(touch: Touch) -> list[tuple[str, str]]:
     told = touch.is_touched
     drift = touch.drift
     rows = [("touch", f"{'yes' if told else 'no'}   (score {touch.touch_score:+.2f})")]
-    rows += [(axis, _with_sigma(touch, k) if told else "-") for k, axis in enumerate(AXES)]
-    rows.append(("force", "not known" if touch.force_n is None else _force(touch) if told else "-"))
+    rows += [
+        (axis, with_sigma(touch.press_mm[k], touch.sigma_mm[k], "mm") if told else "-")
+        for k, axis in enumerate(AXES)
+    ]
+    force = "not known" if touch.force_n is None else with_sigma(touch.force_n, touch.force_sigma_n, "N")
+    rows.append(("force", "-" if touch.force_n is not None and not told else force))
     rows.append(("drift", f"{round(drift.drift, 4) + 0.0:+.2%}{', held' if drift.is_held else ', followed'}"))
     rows.append(("gain steps", str(drift.gain_steps)))
     rows.append(("delay", f"{touch.latency_ms:.1f} ms"))
-    if note := _note(touch):
-        rows.append(("note", note.removeprefix("; ")))
+    if touch.note:
+        rows.append(("note", touch.note))
     return rows
-
-
-def _with_sigma(touch: Touch, axis: int) -> str:
-    sigma = float(touch.sigma_mm[axis])
-    told = f" ± {sigma:.2f}" if math.isfinite(sigma) else ""
-    return f"{touch.press_mm[axis]:.2f}{told} mm"
-
-
-def _force(touch: Touch) -> str:
-    told = f" ± {touch.force_sigma_n:.2f}" if math.isfinite(touch.force_sigma_n) else ""
-    return f"{touch.force_n:.2f}{told} N"
-
-
-def _note(touch: Touch) -> str:
-    if touch.drift.is_gain_like:
-        return "; a change of gain, no touch"
-    if touch.drift.held_without_touch_s > ODD_S:
-        return "; not as untouched, but no touch for the model: lighter than in its training, or dirt"
-    return ""
 
 
 def _set(

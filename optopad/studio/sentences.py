@@ -9,7 +9,6 @@ from html import escape
 from design.shape.cavity import PlacedPart
 from optopad.screen.stages import STAGE_TITLES
 from optopad.screen.verdict_sentences import sentences_of, verdict_words
-from optopad.sensor.touch_view import touch_line
 from optopad.studio.live import LiveView
 from optopad.studio.live_results import LiveVerdict, Progress
 from optopad.studio.session import Said, Version
@@ -135,7 +134,7 @@ def sensor_html(view: LiveView) -> str:
     ]
     if view.touch is not None:
         drift = view.touch.drift
-        lines.append(escape(touch_line(view.touch)))
+        lines.append(escape(str(view.touch)))
         lines.append(f"drift {drift.drift:+.2%}{', held' if drift.is_held else ', followed'}")
     for problem in view.problems:
         tint = RED if problem.is_error else AMBER

@@ -10,6 +10,7 @@ from design.parts.catalog import packaged, parse_entries
 from design.parts.packages import packages
 from design.parts.photometry import Intensity
 from design.rules.check import check
+from design.rules.mold import housing_notes
 from design.shape.cavity import cavity_of
 from tests.design.spec.spec_fields import good
 
@@ -150,6 +151,19 @@ def test_the_least_pitch_is_the_nearest_without_an_error():
         layout = [{"pattern": "facing_rows", "count": 2, "pitch_mm": led.pitch_mm + spare_mm}]
         design = design.with_(layout=layout)
         assert len(messages(design, "web between the sockets")) == faults
+
+
+def test_a_flat_pair_is_suggested_where_the_housing_is_half_as_large_again():
+    small = {"cavity.length_mm": 20.0, "cavity.width_mm": 20.0}
+    found = {}
+    for lens in ("kept", "filed"):  # 8.6 and 6.1 mm deep
+        led, diode = part_entry(replaced(LEDS["red"], lens=lens)), part_entry(SFH213)
+        found[lens] = [str(one) for one in housing_notes(with_all([led, diode], **small))]
+    assert found["filed"] == []
+    (said,) = found["kept"]
+    assert f"the housing of {led.part_id} is 1.7 times as large" in said
+    assert "at least 40 x 40 mm with these parts; needs 31 x 31 mm for the pair" in said
+    assert "receivers.part = 'osram-sfh2400'" in said
 
 
 @pytest.mark.parametrize("name", packages())

@@ -1,6 +1,6 @@
-"""The pages of the reference that the program's own texts fill: every verb, and every field of a design file.
+"""The pages that the program's own texts fill: every verb, every field of a design file, and the table of presets.
 
-    python -m tests.docs.reference_pages          writes docs/reference/commands.md and docs/reference/design-fields.md
+    python -m tests.docs.reference_pages          writes the files of `PAGES` and docs/images/presets/*.svg
 
 The pages are files of the repository, so that they can be read without building the site. A page begins with text
 written by hand; all below the line `MADE` comes from help texts and from the schema.
@@ -12,12 +12,19 @@ from collections.abc import Callable
 from pathlib import Path
 
 from design.io import write_text_atomically
+from design.preset import PRESETS, preset
 from tests.docs.command_text import every_verb
 from tests.docs.field_text import every_field
+from tests.docs.preset_table import preset_picture, presets_table
 
 FOLDER = Path(__file__).parents[2] / "docs" / "reference"
 MADE = "<!-- made by python -m tests.docs.reference_pages; change the program's texts instead -->"
-PAGES: dict[str, Callable[[], str]] = {"commands.md": every_verb, "design-fields.md": every_field}
+PAGES: dict[str, Callable[[], str]] = {
+    "commands.md": every_verb,
+    "design-fields.md": every_field,
+    "../how-to/index.md": presets_table,
+}
+PICTURES = FOLDER.parent / "images" / "presets"
 
 
 def page_text(name: str) -> str:
@@ -31,9 +38,11 @@ def page_text(name: str) -> str:
 
 
 def main() -> None:
-    """Write both pages."""
+    """Write the pages and the pictures."""
     for name in PAGES:
         write_text_atomically(FOLDER / name, page_text(name))
+    for name in PRESETS:
+        write_text_atomically(PICTURES / f"{name}.svg", preset_picture(preset(name)))
 
 
 if __name__ == "__main__":

@@ -9,13 +9,14 @@ import pytest
 from docstring_sections import with_lists
 
 from design.fields.base import known_values
-from design.preset import preset
+from design.preset import PRESETS, preset
 from design.spec import SensorDesign
 from optopad.cli.commands import whole_command
 from tests.docs import reference_pages
 from tests.docs.command_text import every_verb
 from tests.docs.field_text import MEANINGS, QUANTITY, Field, design_schema, every_field, sections
-from tests.docs.reference_pages import FOLDER, MADE, PAGES, page_text
+from tests.docs.preset_table import preset_picture
+from tests.docs.reference_pages import FOLDER, MADE, PAGES, PICTURES, page_text
 
 
 def leaves(group: Any, before: str = "optopad") -> Iterator[tuple[str, Any]]:
@@ -123,6 +124,11 @@ def test_a_table_row_has_five_cells() -> None:
 def test_the_page_in_the_repository_is_current(name: str) -> None:
     is_current = (FOLDER / name).read_text(encoding="utf-8") == page_text(name)
     assert is_current, f"docs/reference/{name} is out of date; renew it: python -m tests.docs.reference_pages"
+
+
+def test_the_pictures_of_the_presets_are_current() -> None:
+    shown = {path.stem: path.read_text(encoding="utf-8") for path in PICTURES.iterdir()}
+    assert shown == {name: preset_picture(preset(name)) for name in PRESETS}, "renew them as the pages"
 
 
 def test_a_page_without_its_line_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -19,7 +19,7 @@ from design.spec import SensorDesign
 from fabrication.gain import SimulatedGain
 from fabrication.sheets.bom import BomRow, bom_csv, bom_rows
 from fabrication.sheets.casting import casting_md
-from fabrication.sheets.prices import bill_sum, budget_words, parsed_budget, priced, read_prices, unused_words
+from fabrication.sheets.prices import bill_sum, held_against, parsed_budget, priced, read_prices, unused_words
 from fabrication.sheets.silicone import pours
 
 PAD = preset("piacenza2017-pad")
@@ -109,7 +109,7 @@ def test_codes_of_values_are_those_of_known_orders() -> None:
 def test_every_order_belongs_to_an_entry_of_the_catalogue_or_a_kind_of_part() -> None:
     entries = packaged()
     known = {name for table in type(entries).model_fields for name in getattr(entries, table)}
-    kinds = {"carbon-black", "resistor", "large-resistor", *PICOFARADS, "pin-header"}
+    kinds = {"carbon-black", "resistor", "large-resistor", *PICOFARADS, "pin-header", "wire", "thin-wire"}
     assert set(orders()) <= known | kinds | {"supply-capacitor", "reference-capacitor"}
     needed = {
         *entries.boards,
@@ -133,10 +133,10 @@ def test_a_filled_bill_is_a_price_list_and_its_sum_is_by_hand(tmp_path: Path) ->
     assert total.words == f"{2.5 * units:.2f} EUR, every row priced"
     assert f"Sum: {total.words}." in casting_md(PAD, None, own)
     amount = 2.5 * units
-    assert budget_words(own, parsed_budget(f"{amount + 1}EUR")).startswith("within")
-    assert budget_words(own, parsed_budget(f"{amount - 1:.2f} EUR")).endswith("1.00 too much")
-    assert "not decided" in budget_words(own, parsed_budget("900USD"))
-    assert f"{total.rows} rows have no price in USD" in budget_words(own, parsed_budget("900USD"))
+    assert held_against(own, parsed_budget(f"{amount + 1}EUR")).words.startswith("within")
+    assert held_against(own, parsed_budget(f"{amount - 1:.2f} EUR")).words.endswith("1.00 too much")
+    assert "not decided" in held_against(own, parsed_budget("900USD")).words
+    assert f"{total.rows} rows have no price in USD" in held_against(own, parsed_budget("900USD")).words
 
 
 def test_a_price_of_the_catalogue_has_a_date_and_a_source() -> None:
@@ -148,11 +148,16 @@ def test_a_price_of_the_catalogue_has_a_date_and_a_source() -> None:
     assert total.words == f"5.00 USD, {total.rows - 1} of {total.rows} rows without a price"
 
 
-@pytest.mark.parametrize("text", ["25", "25XYZ", "-25EUR", "0EUR", "EUR", "", "nanEUR", "25,5EUR"])
+@pytest.mark.parametrize("text", ["25", "25XYZ", "-25EUR", "0EUR", "EUR", "", "nanEUR", "1,000EUR"])
 def test_a_budget_without_amount_or_known_currency_is_refused(text: str) -> None:
     with pytest.raises(InputError, match=r"^--budget"):
         parsed_budget(text)
-    assert parsed_budget("25 eur").currency == "EUR"
+    assert parsed_budget("25,50 eur") == parsed_budget("25.5EUR")
+
+
+def test_a_price_list_may_have_small_letters_and_a_decimal_comma(tmp_path: Path) -> None:
+    prices = read_prices(filled(rows_of("piacenza2017-pad"), tmp_path, unit_cost="2,50", currency=" eur"))
+    assert {(price.cost.value, price.cost.currency) for price in prices.values()} == {(2.5, "EUR")}
 
 
 @pytest.mark.parametrize(

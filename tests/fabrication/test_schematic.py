@@ -65,6 +65,11 @@ def test_the_supply_gives_one_lit_emitter_its_base_the_amplifiers_and_the_board(
     rest = 8 * assumption("amplifier_supply_ma").value + assumption("board_supply_ma").value
     assert current.full_power_ma == pytest.approx(current.emitter_ma + rest)
     assert current.fault_ma == pytest.approx(8 * current.emitter_ma + rest)
+    known = supply_current(PAD, "mcp604")
+    assert known.amplifiers_ma == pytest.approx(2 * 4 * 0.23)
+    assert "the amplifiers (8*)" in casting_md(PAD)
+    named = PAD.with_(**{"board.amplifier": "mcp604"})
+    assert "the amplifiers (1.8)" in casting_md(named)
 
 
 @pytest.mark.parametrize("name", PRESETS)

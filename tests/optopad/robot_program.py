@@ -18,6 +18,7 @@ import fabrication.driver
 import fabrication.stage
 import optopad
 import sims.learning.inference
+from design.errors import InputError
 from fabrication.driver.recording.position_log import read_position_log
 from fabrication.driver.simulated.board import FakeBoard
 from fabrication.driver.simulated.port import FakePort
@@ -66,7 +67,7 @@ def read_and_record(files: list[str]) -> None:
     """Read a simulated board in every way, and record it into files, which are read back."""
     config = load_driver_config("driver.toml")
     with FakePort(FakeBoard(config, untouched_table(config))) as port:
-        with optopad.Sensor(config, port.name) as sensor:
+        with optopad.Sensor("driver.toml", port.name) as sensor:
             with ExitStack() as recorders:
                 for file in files:
                     recorders.enter_context(sensor.record(file))
@@ -80,6 +81,12 @@ def read_and_record(files: list[str]) -> None:
             reader = optopad.TouchReader(sensor, optopad.load_model("kernel-ridge.optomodel"))
             touches = list(reader.touches(count=5))
             assert not any(touch.is_touched for touch in touches)
+    refused = ""
+    try:
+        optopad.Sensor("piacenza2017-pad")  # a design needs more than the driver
+    except InputError as err:
+        refused = str(err)
+    assert "name the bundle" in refused, refused
 
 
 if __name__ == "__main__":

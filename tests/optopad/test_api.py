@@ -12,6 +12,8 @@ import pytest
 
 import optopad
 from design.errors import DesignError, InputError
+from fabrication.bundle import bundle_name
+from fabrication.driver_config import dump_driver_config
 from optopad.jobs import compare as comparing
 from optopad.jobs import sweep as sweeping
 from optopad.results.comparison import labelled
@@ -85,6 +87,20 @@ def test_what_does_not_load_is_refused_with_a_way_out():
         optopad.load("piacenza2017-pear")
     with pytest.raises(DesignError, match="clear_thickness_mm"):
         optopad.load("piacenza2017-pair", cavity__clear_thickness_mm=1000.0)
+
+
+def test_a_sensor_takes_what_driver_read_takes(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    design = optopad.load("piacenza2017-pad", name="mine")
+    folder = tmp_path / "outputs" / bundle_name(design) / "fabrication"
+    folder.mkdir(parents=True)
+    (folder / "driver.toml").write_text(dump_driver_config(design, 1e5), encoding="utf-8")
+    for named in (optopad.save(design, "mine.toml"), folder, folder.parent, str(folder / "driver.toml")):
+        config = optopad.Sensor(named, "loop://").config
+        assert (config.digest, config.gain.counts_per_flux) == (design.digest, 1e5), named
+    assert optopad.Sensor("piacenza2017-pad", "loop://").config.gain.counts_per_flux is None  # has no bundle
+    with pytest.raises(InputError, match="did you mean piacenza2017-pad"):
+        optopad.Sensor("piacenza2017-bad")
 
 
 def test_a_check_tells_errors_from_warnings_and_shows_both():

@@ -55,6 +55,19 @@ class Frame:
     began_s: float = math.nan
     began_error_s: float = math.inf
 
+    def __str__(self) -> str:
+        """One line: number, time, range of the signals, and the pair that changed most if there is a baseline."""
+        emitters, receivers = self.signals.shape
+        text = (
+            f"frame {self.sequence} at {self.device_us / US_PER_S:.3f} s: {emitters} x {receivers} signals of "
+            f"{self.signals.min()} to {self.signals.max()} counts, {self.saturated.sum()} readings saturated"
+        )
+        if self.baseline is None or not np.isfinite(self.normalised).any():
+            return text
+        change = np.nan_to_num(self.normalised - 1.0)
+        i, j = np.unravel_index(int(np.abs(change).argmax()), change.shape)
+        return f"{text}, signal [{i}, {j}] changed most: {change[i, j]:+.1%}"
+
     @property
     def normalised(self) -> FloatArray:
         """Signals divided by the baseline, shape (emitters, receivers); NaN where that is below 4 counts [-].

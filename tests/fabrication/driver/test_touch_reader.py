@@ -13,7 +13,7 @@ from fabrication.driver import Sensor
 from fabrication.driver.simulated.finger import FingerPath
 from fabrication.driver.simulated.port import FakePort
 from fabrication.driver.touch_reader import Touch, TouchReader, require_fits
-from optopad.sensor.touch_view import picture, touch_json, touch_line
+from optopad.sensor.touch_view import picture, touch_json
 from sims.learning.inference.prediction import Prediction
 from sims.learning.inference.touch_model import prediction_of
 from tests.fabrication.driver.made_up_model import header, made_up_model
@@ -101,15 +101,17 @@ def test_an_answer_as_json_has_a_place_only_where_it_is_touched(touches: list[tu
         None,
         0.0,
     ]
-    assert touch_line(still) == "untouched"
-    assert touch_line(held).startswith("touched   x ")
+    assert str(still) == f"untouched, score {still.touch_score:+.2f}"
+    assert str(held).startswith("touched   x ")
+    assert str(held.frame).startswith(f"frame {held.frame.sequence} at ")
+    assert "\n" not in str(held.frame)
 
 
 def test_uncertainty_is_told_where_the_model_knows_it(touches: list[tuple[float, Touch]]) -> None:
     (held, *_) = between(touches, 1.3, 1.4)
     press_mm, sigma_mm = np.array([10.0, 22.0, 3.0]), np.array([0.21, 0.18, 0.05])
     known = replace(held, sigma_mm=sigma_mm, press_mm=press_mm, force_n=5.2, force_sigma_n=0.12)
-    assert "x 10.00 ± 0.21 mm, y 22.00 ± 0.18 mm, depth 3.00 ± 0.05 mm, force 5.20 ± 0.12 N" in touch_line(
+    assert "x 10.00 ± 0.21 mm, y 22.00 ± 0.18 mm, depth 3.00 ± 0.05 mm, force 5.20 ± 0.12 N, score " in str(
         known
     )
     assert touch_json(known)["sigma_mm"] == [0.21, 0.18, 0.05]
@@ -175,7 +177,7 @@ def test_a_change_of_gain_is_no_touch() -> None:
     assert (
         np.mean([touch.is_touched for touch in found]) < 0.1
     )  # until the change is seen as one of gain, 0.1 s
-    assert any("a change of gain, no touch" in touch_line(touch) for touch in found)
+    assert any("a change of gain, no touch" in str(touch) for touch in found)
 
 
 def test_a_sensor_that_is_opened_again_is_followed_from_its_new_clock_on() -> None:

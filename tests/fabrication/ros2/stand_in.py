@@ -284,7 +284,7 @@ def node_module() -> Any:
     """The module of the sensor's node, imported with this stand-in in place of ROS 2."""
     messages = {
         "diagnostic_msgs": ("DiagnosticArray", "DiagnosticStatus", "KeyValue"),
-        "geometry_msgs": ("TransformStamped",),
+        "geometry_msgs": ("TransformStamped", "WrenchStamped"),
         "optopad_msgs": ("Frame", "Sensor", "Touch"),
         "visualization_msgs": ("Marker",),
     }

@@ -18,7 +18,7 @@ from design.errors import OutputError
 from design.preset import preset
 from fabrication.driver.link.ports import FoundPort
 from fabrication.driver.recording.export import read_recorded
-from fabrication.driver.ros_fields import NodeClock, diagnosis
+from fabrication.driver.ros_fields import NodeClock, diagnosis, wrench_message
 from fabrication.driver.sensor import Sensor
 from fabrication.driver.simulated.finger import FingerPath
 from fabrication.driver.simulated.port import FakePort
@@ -99,7 +99,7 @@ def test_a_life_cycle_publishes_frames_and_touches_as_ros_encodes_them(
             config=str(files[0]), model=str(files[1]), port=port.name, rate=200.0, frame_id="left_pad"
         )
         assert node.on_configure(None) == "SUCCESS", node.log.lines
-        assert set(node.topics) == {"frame", "touch", "sensor", "marker", "/diagnostics"}
+        assert set(node.topics) == {*("frame", "touch", "wrench", "sensor", "marker", "/diagnostics")}
         assert diagnosed(node).message == "not open"
         assert node.call("self_test").message == "the sensor is not open; activate the node"
         assert node.on_activate(None) == "SUCCESS"
@@ -138,6 +138,19 @@ def check_messages(node: Any) -> None:
     assert middle.normal.z == pytest.approx(1.0)
     assert 0.0005 < middle.depth < 0.004
     assert np.isnan(touches[-1].point.x)
+    wrenches = [one for _, one in node.published["wrench"].messages]
+    assert [one.header.stamp for one in wrenches] == [one.header.stamp for one in touches][: len(wrenches)]
+    assert {one.header.frame_id for one in wrenches} == {"left_pad"}
+    for touch, one in zip(touches, (each.wrench for each in wrenches), strict=False):
+        force, torque = one.force, one.torque
+        assert (force.x, force.y, force.z) == (0.0, 0.0, pytest.approx(touch.force))
+        if touch.is_touched:
+            assert (torque.x, torque.y) == pytest.approx(
+                (touch.point.y * force.z, -touch.point.x * force.z), abs=1e-9
+            )
+        else:
+            assert (force.z, torque.x, torque.y, torque.z) == (0.0, 0.0, 0.0, 0.0)
+
     (sensor,) = (one for _, one in node.published["sensor"].messages)
     assert (sensor.design, len(sensor.emitters)) == (NAME, 8)
     status = node.published["/diagnostics"].messages[-1][1].status[0]
@@ -146,6 +159,19 @@ def check_messages(node: Any) -> None:
     assert node.transform.transform.translation.z == pytest.approx(0.008)
     kinds = [one.type for _, one in node.published["marker"].messages]
     assert (kinds[0], set(kinds[1:])) == (1, {1, 2})
+
+
+def test_a_wrench_is_never_nan_and_is_along_the_normal() -> None:
+    none = np.full(3, np.nan)
+    touch = SimpleNamespace(frame=SimpleNamespace(began_s=1.0), is_touched=True, force_n=2.0, normal=none)
+    touch.point_mm, touch.press_mm = none, np.array([10.0, 20.0, 1.0])
+    found = wrench_message(touch, "pad")["wrench"]
+    assert found == {"force": {"x": 0.0, "y": 0.0, "z": 2.0}, "torque": {"x": 0.04, "y": -0.02, "z": 0.0}}
+    touch.normal = np.array([0.6, 0.0, 0.8])
+    assert wrench_message(touch, "pad")["wrench"]["force"] == {"x": 1.2, "y": 0.0, "z": 1.6}
+    touch.is_touched, touch.force_n, touch.press_mm = False, np.nan, none
+    found = wrench_message(touch, "pad")["wrench"]
+    assert {value for one in found.values() for value in one.values()} == {0.0}
 
 
 @pytest.mark.slow

@@ -82,7 +82,9 @@ def test_config_leaves_driver_file_wiring_and_parts_in_the_bundle(capsys):
     assert main(["driver", "config", DESIGN, "--budget", "25EUR", "--json"]) == 0
     bill = json.loads(capsys.readouterr().out)["bill"]
     assert bill["rows_without_price"] == bill["rows"] > 8
-    assert bill["budget"].startswith("not decided for 25.00 EUR")
+    held = bill["budget"]
+    assert (held["verdict"], held["amount"], held["currency"]) == ("undecided", 25.0, "EUR")
+    assert held["rows_without_price"] == bill["rows"] > bill["rows_set_by_gain"] == 3
     made = {path.name for path in FOLDER.parent.iterdir()}
     assert {"driver.toml", "wiring.csv", "bom.csv"} <= made
 

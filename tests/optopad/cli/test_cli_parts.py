@@ -9,6 +9,7 @@ import pytest
 
 from design.io import load_design
 from design.parts.catalog import CatalogEntries, packaged
+from design.parts.listing import kinds_of
 from design.parts.packages import packages
 from design.preset import preset
 from optopad.cli import main, parts
@@ -110,6 +111,24 @@ def test_a_terminal_is_prompted_for_what_is_missing(folder, monkeypatch, capsys)
     assert [name for name in packages() if name not in parts.QUESTIONS["package"]] == []
 
 
+def test_a_bad_answer_is_asked_again_and_the_others_stay(folder, monkeypatch, capsys):
+    answers = {name: [text] for name, text in LED.items()}
+    answers |= {"kind": ["laser", "led"], "intensity": ["250", "5100mcd"], "viewing-angle": ["190", "30"]}
+
+    def answer(question):
+        name = next(name for name, text in parts.QUESTIONS.items() if text == question)
+        return answers[name.removeprefix("led-")].pop(0)
+
+    for stream in (parts.sys.stdin, parts.sys.stdout):
+        monkeypatch.setattr(stream, "isatty", lambda: True, raising=False)
+    monkeypatch.setattr(parts.typer, "prompt", answer)
+    assert main(["part", "new", "my-led"]) == 0
+    assert not any(answers.values())
+    printed = capsys.readouterr()
+    assert "'250' has no unit" in printed.err
+    assert "6.73 mW" in " ".join(printed.out.split())
+
+
 BAD = (
     ({"package": None, "current": None}, ["--package, --current", "led"]),
     ({"kind": None}, ["--kind", "led or photodiode"]),
@@ -161,6 +180,7 @@ def test_a_bad_photodiode_name_or_file_is_refused(folder, capsys):
     sheet = DIODE | {"responsivity": "1.2", "wavelength": "500"}
     assert "--responsivity: 1.2 A/W is refused: must be at most 0.403 A/W" in refusal(typed("d", sheet))
     assert "use wp7113srd" in refusal(typed("WP7113SRD", LED))
+    assert "use my-osram-sfh206k, or give" in refusal(typed("osram-sfh206k", DIODE))
     assert list(folder.iterdir()) == []
     assert main(typed("d", DIODE)) == 0
     before = (folder / "d.toml").read_bytes()
@@ -186,8 +206,18 @@ def test_the_list_of_one_group_has_two_lines_an_entry(capsys):
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in lines[1::2]] == ["abs-black", "petg-black", "pla-black"]
     assert "(3 unverified)" in lines[2]
-    assert main(["parts", "--kind", "silicone"]) == 2
-    assert "did you mean silicones?" in capsys.readouterr().err
+    assert main(["parts", "--kind", "LED driver"]) == 0
+    assert "led-drivers" in capsys.readouterr().out
+    assert main(["parts", "--kind", "silicnoes"]) == 2
+    said = capsys.readouterr().err
+    assert "did you mean silicones?" in said
+    assert [group for group in kinds_of(packaged()) if group not in said] == []
+
+
+def test_an_amplifier_has_the_limits_that_the_circuit_needs(capsys):
+    assert main(["parts", "--kind", "Amplifier"]) == 0
+    (line,) = (line for line in capsys.readouterr().out.splitlines() if "mcp6004 " in line)
+    assert "1.8 to 6 V, 1 MHz, 0.6 V/us, bias 1 (at most 30) pA, output to 0.025 V below the supply" in line
 
 
 def test_the_help_names_every_package(capsys):

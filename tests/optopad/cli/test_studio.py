@@ -59,7 +59,7 @@ def test_without_viser_it_says_how_to_get_it(capsys, monkeypatch) -> None:
     # The module alone: a package imported anew would stay an attribute of its parent, without its modules.
     monkeypatch.delitem(sys.modules, "optopad.studio.view.page", raising=False)
     monkeypatch.setitem(sys.modules, "viser", None)
-    assert "needs the package viser; install it" in refusal(capsys, "piacenza2017-pair", "--no-open")
+    assert "needs the package viser; run `make demo`" in refusal(capsys, "piacenza2017-pair", "--no-open")
 
 
 @pytest.mark.slow

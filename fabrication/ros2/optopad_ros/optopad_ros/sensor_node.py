@@ -9,7 +9,6 @@ with another serial number has another pad, which must be untouched then.
 
 from collections import deque
 from dataclasses import replace
-from pathlib import Path
 import sys
 from threading import Event
 from threading import Thread
@@ -24,6 +23,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from diagnostic_msgs.msg import KeyValue
 from fabrication.driver import ros_fields as fields
 from geometry_msgs.msg import TransformStamped
+from geometry_msgs.msg import WrenchStamped
 import optopad
 from optopad_msgs.msg import Frame
 from optopad_msgs.msg import Sensor
@@ -63,7 +63,8 @@ class SensorNode(LifecycleNode):
     """
     Publish a sensor's frames, and the touches that a model finds in them.
 
-    Topics: frame, touch, sensor (kept for late subscribers), marker, /diagnostics.
+    Topics: frame, touch, wrench (with a model of force), sensor (kept for late subscribers),
+    marker, /diagnostics.
     Services: baseline, self_test, record.
     All stamps are times of the node's clock. The future `failed` is done when the node's thread
     has ended by a fault of its own; the process must then end, so that it can be started again.
@@ -103,6 +104,7 @@ class SensorNode(LifecycleNode):
         kept = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._frames = self.create_lifecycle_publisher(Frame, 'frame', 50)
         self._touches = self.create_lifecycle_publisher(Touch, 'touch', 50)
+        self._wrenches = self.create_lifecycle_publisher(WrenchStamped, 'wrench', 50)
         self._sensors = self.create_publisher(Sensor, 'sensor', kept)
         self._markers = self.create_publisher(Marker, 'marker', kept)
         self._status = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
@@ -137,8 +139,8 @@ class SensorNode(LifecycleNode):
         self.destroy_timer(self._timer)
         for service in self._offered:
             self.destroy_service(service)
-        publishers = (self._frames, self._touches, self._sensors, self._markers, self._status)
-        for publisher in publishers:
+        for publisher in (self._frames, self._touches, self._wrenches, self._sensors,
+                          self._markers, self._status):
             self.destroy_publisher(publisher)
         return TransitionCallbackReturn.SUCCESS
 
@@ -166,12 +168,10 @@ class SensorNode(LifecycleNode):
     def _open_files(self):
         if not self._value('config'):
             raise OptopadError('config: is empty; give the driver.toml of the sensor')
-        where = Path(self._value('config'))
-        inside = where / 'fabrication' / 'driver.toml'
         rate, model = self._value('rate'), self._value('model')
         self._frame_id, self._patience_s = self._value('frame_id'), self._value('patience')
         self._device = optopad.Sensor(
-            inside if where.is_dir() else where,
+            self._value('config'),
             self._value('port') or None,
             rate_hz=None if rate < 0.0 else rate,
             patience_s=self._patience_s,
@@ -250,6 +250,9 @@ class SensorNode(LifecycleNode):
     def _publish_touch(self, touch):
         message = fields.touch_message(touch, self._frame_id)
         self._touches.publish(fields.filled(Touch(), message))
+        if touch.force_n is not None:
+            wrench = fields.wrench_message(touch, self._frame_id)
+            self._wrenches.publish(fields.filled(WrenchStamped(), wrench))
         if touch.is_touched or self._is_shown:
             self._mark(fields.marker(
                 self._device.descriptor, touch, self._frame_id, touch.frame.began_s))
