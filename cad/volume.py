@@ -35,14 +35,17 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cad.lid import Plug, lid_size, pin_chamfer_mm
 from design.mold.outline import MoldOutline, outline_of
 from design.mold.sockets import Collar, Cut, Hole, WallFrame
 from design.shape.top import Top
 from design.spec import SensorDesign
+
+if TYPE_CHECKING:
+    from cad.lid import Plug
 
 NODES = 48
 """Number of nodes of Gauss' rule in each piece of the integral over the depth of a plug."""
@@ -188,6 +191,8 @@ def _hole_mm3(hole: Hole) -> float:
 
 def lid_volume_mm3(design: SensorDesign) -> float:
     """Volume of the printed lid [mm3]; 0 for a flat top."""
+    from cad.lid import lid_size  # the CAD kernel takes seconds to load, and a mold's volume does not need it
+
     outline, size = outline_of(design), lid_size(design)
     if size is None:
         return 0.0
@@ -203,6 +208,8 @@ def lid_volume_mm3(design: SensorDesign) -> float:
 
 
 def _pin_mm3(pin: Hole) -> float:
+    from cad.lid import pin_chamfer_mm
+
     chamfer, radius = pin_chamfer_mm(pin), pin.radius
     end = radius - chamfer
     cone = math.pi * chamfer / 3 * (radius**2 + radius * end + end**2)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -52,6 +53,21 @@ class ClippedPair:
 
     name: str
     counts: float
+
+
+def gain_of(score: Mapping[str, Any]) -> SimulatedGain | None:
+    """The gains and light of a score's plain data, as in `score.json`; None if the models do not cover the design.
+
+    Raises
+    ------
+    KeyError, TypeError, ValueError : the data are not those of a score.
+    """
+    if score["counts_per_flux"] is None:
+        return None
+    return SimulatedGain(
+        counts_per_flux=tuple(map(float, score["receiver_counts_per_flux"])),
+        untouched_flux=tuple(tuple(map(float, row)) for row in score["untouched_flux"]),
+    )
 
 
 def feedbacks_for(design: SensorDesign, gain: SimulatedGain | None) -> tuple[Feedback, ...] | None:

@@ -315,19 +315,13 @@ def _gain_of(score: ContinuityScore) -> SimulatedGain | None:
 
 
 def _known_gain(folder: Path) -> SimulatedGain | None:
-    from fabrication.gain import SimulatedGain
+    from fabrication.gain import gain_of
 
     score = folder / "sims" / "score.json"
     if not score.is_file():
         return None
     try:
-        document = json.loads(score.read_text(encoding="utf-8"))
-        if document["counts_per_flux"] is None:
-            return None
-        return SimulatedGain(
-            counts_per_flux=tuple(map(float, document["receiver_counts_per_flux"])),
-            untouched_flux=tuple(tuple(map(float, row)) for row in document["untouched_flux"]),
-        )
+        return gain_of(json.loads(score.read_text(encoding="utf-8")))
     except (ValueError, KeyError, TypeError):
         raise InputError(f"{score}: damaged, or of an earlier version; run `optopad score` again") from None
 

@@ -534,5 +534,9 @@ def _detection_json(detection: DetectionThreshold) -> dict[str, Any]:
         "threshold_noise_units": detection.threshold,
         "worst_place_mm": [detection.x_mm[column], detection.y_mm[row]],
         "worst_force_n": _number(float(detection.force_n[row, column])),
+        "worst_force_range_n": [
+            _number(float(end[row, column]))
+            for end in (detection.force_error_low_n, detection.force_error_high_n)
+        ],
         "median_force_n": _number(float(np.nanmedian(detection.force_n))),
     } | {name: [[_number(value) for value in values] for values in getattr(detection, name)] for name in maps}
