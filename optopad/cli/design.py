@@ -74,6 +74,7 @@ def check(
 
     from design.rules.check import check as findings_of
     from design.rules.check import notes
+    from optopad.results.figures import summary_words
     from optopad.screen.verdict import as_typed, findings_screen, rate_words
     from optopad.screen.verdict_sentences import counted
 
@@ -93,6 +94,7 @@ def check(
                 findings,
                 command=f"score {as_typed(design, set_)}",
                 rate="" if errors else rate_words(read),
+                size="" if errors else summary_words(read, None),
             )
         ),
     )

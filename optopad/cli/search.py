@@ -213,6 +213,26 @@ def standing(found: Findings) -> str:
     return ", ".join(parts)
 
 
+def front_lines(result: Search) -> list[str]:
+    """Lines of a table of the base design and the front: figures of the search, verdicts, sizes and price."""
+    from optopad.results.figures import figures_of, in_columns
+
+    found = result.findings
+    names = [objective.figure for objective in found.space.objectives]
+    if "usable_depth_mm" in found.base.figures and "usable_depth_mm" not in names:
+        names.append("usable_depth_mm")
+    designs = [found.space.base, *(found.space.design_at(one.parameters) for one in found.front)]
+    judged = [found.base, *(one.judged for one in found.front)]
+    verdicts = [result.base_headline, *map(result.headline, found.front)]
+    columns = [("design", "", ["base", *result.files]), ("verdict", "", verdicts)]
+    for name in names:
+        values = [one.figures.get(name) for one in judged]
+        columns.append((name, "", ["-" if value is None else f"{value:.4g}" for value in values]))
+    for cells in zip(*(figures_of(design, None).of_size for design in designs), strict=True):
+        columns.append((cells[0].name, cells[0].unit, [cell.text for cell in cells]))
+    return in_columns(columns)
+
+
 def _say(result: Search) -> None:
     found = result.findings
     stopped = sum(bool(one.judged.reason) for one in found.tried)
@@ -220,22 +240,26 @@ def _say(result: Search) -> None:
         f"search    {found.space.name}: {len(found.tried)} of {max(found.wanted, len(found.tried))} designs judged, "
         f"{stopped} stopped early"
     )
-    names = [objective.figure for objective in found.space.objectives]
     for limit in found.limits:
         say(f"limit     {limit}")
-    if "usable_depth_mm" in found.base.figures and "usable_depth_mm" not in names:
-        names.append("usable_depth_mm")
-    say(f"{'design':<28}" + "".join(f"{name:>20}" for name in names) + "  verdict")
-    rows = [("base", found.base, result.base_headline)] + [
-        (file, one.judged, result.headline(one)) for file, one in zip(result.files, found.front, strict=True)
-    ]
-    for label, judged, words in rows:
-        values = [judged.figures.get(name) for name in names]
-        told = "".join(f"{'-' if value is None else f'{value:.4g}':>20}" for value in values)
-        say(f"{label:<28}{told}  {words}")
+    for line in front_lines(result):
+        say(line)
     if not found.front:
         say(
             "front     empty: no design was judged to the end within all limits; designs.csv lists the reasons"
         )
     say(f"files     {result.folder}")
     say(f"report    {result.folder / 'report.html'}")
+    if found.front:
+        say(f"next      {_scoring(result)}   (the figures of a score; those above have search accuracy)")
+
+
+def _scoring(result: Search) -> str:
+    """Command that scores the designs of the front, or the first of them if they are too many for one comparison."""
+    from optopad.jobs.compare import MOST_DESIGNS
+
+    if len(result.files) == 1:
+        return f"optopad score {result.folder / result.files[0]}"
+    if len(result.files) <= MOST_DESIGNS:
+        return f"optopad compare {result.folder / 'designs'}/*.toml"
+    return f"optopad compare {' '.join(str(result.folder / file) for file in result.files[:3])}"

@@ -1,35 +1,40 @@
 """Comparison of designs: their differences, their scores, and the better design by each figure.
 
 Each design is scored with two seeds of the light model. The figure from the first seed is reported. Its uncertainty is
-the difference from the second seed's figure, and at least the error of the depth step (0.04 mm at a boundary between
-modes, `sims.press`). A winner is marked only if it is better than every other design by more than the sum of both
-uncertainties. Effects outside the models are assumed equal for all designs, and are not part of the uncertainty.
+its own numerical error, or for figures of the verdict the difference from the second seed's figure if that is larger.
+Depths have at least the error of the depth step (0.04 mm at a boundary between modes, `sims.press`). A winner is marked
+only if it is better than every other design by more than the sum of both uncertainties. Effects outside the models are
+assumed equal for all designs, and are not part of the uncertainty. Figures of single pairs have no winner, because a
+pad is judged by all pairs together.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from design.errors import InputError
 from design.fields.base import leaves
 from design.io import write_text_atomically
 from design.progress import OnStep
 from design.rules.check import require_valid
-from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 from fabrication.bundle import bundle, bundle_name
-from optopad.results.comparison import Better, Comparison, Measure
-from sims.score.sweep import SweepRow, sweep_row
+from optopad.results.comparison import NAMES, Comparison, Measure
+from optopad.results.figures import Better, FigureCell, PadFigures, figures_of
+from sims.score.sweep import sweep_row
+
+if TYPE_CHECKING:
+    from sims.score.result import ContinuityScore
 
 MOST_DESIGNS = 12
 ABSENT = "(absent)"
-SIGNAL = "untouched signal"
-USABLE = "usable depth"
-BOUNDARY_STEP_MM = 0.04
-"""Shift of a boundary of a deadband in depth if the depth step is doubled [mm]."""
+OF_ONE_KIND = ("margin", "depth")
+"""Figures that mean something else for facing rows than for other pads."""
 
 
 def compare(
@@ -49,18 +54,21 @@ def compare(
     DesignError : a design breaks a rule; nothing was computed.
     """
     _require_comparable(designs, labels)
-    judged = []
-    for done, design in enumerate(designs):
+    rows, figures, again = [], [], []
+    for done, (design, label) in enumerate(zip(designs, labels, strict=True)):
         on_step("comparison", done / len(designs))
-        judged.append(tuple(_row(design, label, fine, seed + k) for k, label in ((0, labels[done]), (1, ""))))
+        row = sweep_row(design, label, _judged(design, fine=fine, seed=seed, verdict_only=False))
+        rows.append(row)
+        figures.append(figures_of(design, row.score))
+        again.append(figures_of(design, _judged(design, fine=fine, seed=seed + 1, verdict_only=True)))
     on_step("comparison", 1.0)
-    rows, again = zip(*judged, strict=True)
     found = Comparison(
         labels=tuple(labels),
         digests=tuple(design.digest for design in designs),
         rows=tuple(rows),
+        figures=tuple(figures),
         changes=changes_of(designs),
-        measures=measures_of(designs, rows, again),
+        measures=measures_of(figures, again),
         folder=out / bundle_name(designs[0]) / "sims",
         stem=f"compare-{hashlib.sha256(' '.join(d.digest for d in designs).encode()).hexdigest()[:8]}",
     )
@@ -75,8 +83,7 @@ def changes_of(designs: Sequence[SensorDesign]) -> dict[str, tuple[object, ...]]
     """
     documents = [dict(leaves(design.model_dump(mode="json"))) for design in designs]
     known = dict.fromkeys(path for document in documents for path in document)
-    own = ("name", "description")
-    ordered = sorted(known, key=lambda path: path in own)
+    ordered = sorted(known, key=lambda path: path in NAMES)
     changes = {path: tuple(_given(document.get(path)) for document in documents) for path in ordered}
     return {path: values for path, values in changes.items() if any(one != values[0] for one in values)}
 
@@ -86,43 +93,38 @@ def _given(value: object) -> object:
     return ABSENT if value is None else value
 
 
-def measures_of(
-    designs: Sequence[SensorDesign], rows: Sequence[SweepRow], again: Sequence[SweepRow]
-) -> tuple[Measure, ...]:
-    """Figures of all designs and their uncertainties, from scores with one seed (`rows`) and another (`again`)."""
+def measures_of(figures: Sequence[PadFigures], again: Sequence[PadFigures]) -> tuple[Measure, ...]:
+    """Figures of all designs and their uncertainties, from scores with one seed (`figures`) and another (`again`)."""
+    mixed = len({one.is_facing_rows for one in figures}) > 1
     found = []
-    for name, (unit, better, floor, figure) in _FIGURES.items():
-        values = tuple(figure(row) for row in rows)
-        others = [figure(row) for row in again]
-        spread = tuple(
-            floor if a is None or b is None else max(floor, abs(a - b))
-            for a, b in zip(values, others, strict=True)
+    for cells, others in zip(
+        *(zip(*(one.cells for one in made), strict=True) for made in (figures, again)), strict=True
+    ):
+        first = cells[0]
+        if not first.better:
+            continue
+        values = tuple(cell.value for cell in cells)
+        spread = tuple(map(_uncertainty, cells, others))
+        is_alike = not (mixed and first.name in OF_ONE_KIND)
+        found.append(
+            Measure(
+                name=first.name,
+                unit=first.unit,
+                better=first.better,
+                values=values,
+                texts=tuple(cell.text for cell in cells),
+                uncertainty=spread,
+                winner=_winner(first.better, values, spread) if is_alike else None,
+            )
         )
-        own_error = _OWN_ERRORS.get(name)
-        if own_error is not None:
-            spread = tuple(max(one, own_error(row)) for one, row in zip(spread, rows, strict=True))
-        found.append(_measure(name, unit, better, values, spread))
-    sizes = tuple(_pad_height_mm(design) for design in designs)
-    counts = tuple(float(len(cavity_of(design).parts)) for design in designs)
-    exact = (0.0,) * len(designs)
-    return (
-        *found,
-        _measure("parts", "", "lower", counts, exact),
-        _measure("pad height", "mm", "lower", sizes, exact),
-    )
+    return tuple(found)
 
 
-def _measure(
-    name: str, unit: str, better: Better, values: tuple[float | None, ...], spread: tuple[float, ...]
-) -> Measure:
-    return Measure(
-        name=name,
-        unit=unit,
-        better=better,
-        values=values,
-        uncertainty=spread,
-        winner=_winner(better, values, spread),
-    )
+def _uncertainty(cell: FigureCell, other: FigureCell) -> float:
+    """The figure's own error, or its difference from that of another seed if that is larger."""
+    if cell.value is None or other.value is None or math.isinf(cell.value) or math.isinf(other.value):
+        return cell.error
+    return max(cell.error, abs(cell.value - other.value))
 
 
 def _winner(better: Better, values: tuple[float | None, ...], spread: tuple[float, ...]) -> int | None:
@@ -133,74 +135,15 @@ def _winner(better: Better, values: tuple[float | None, ...], spread: tuple[floa
     best = ranked[0]
     for other in ranked[1:]:
         lead = sign * ((values[best] or 0.0) - (values[other] or 0.0))
-        if lead <= spread[best] + spread[other]:
+        if not lead > spread[best] + spread[other]:  # also if both are infinite
             return None
     return best
 
 
-def _shown(name: str) -> Callable[[SweepRow], float | None]:
-    return lambda row: row.shown.get(name)
-
-
-def _deadband(row: SweepRow) -> float | None:
-    total = row.score["deadband_mm"]["total"]
-    return None if total is None else float(total)
-
-
-def _dead_pairs(row: SweepRow) -> float | None:
-    pairs = row.score["pairs_with_deadband"]
-    return pairs["count"] / pairs["judged"] if pairs["judged"] else None
-
-
-def _headline(name: str) -> Callable[[SweepRow], float | None]:
-    return lambda row: row.score[name]
-
-
-def _strength(name: str) -> Callable[[SweepRow], float | None]:
-    return lambda row: None if row.score["strength"] is None else row.score["strength"][name]
-
-
-def _onset_n(row: SweepRow) -> float | None:
-    load = None if row.forces_n is None else row.forces_n["mode2_onset"]
-    return None if load is None else float(load[0])
-
-
-_FIGURES: dict[str, tuple[str, Better, float, Callable[[SweepRow], float | None]]] = {
-    "deadband": ("mm", "lower", 2 * BOUNDARY_STEP_MM, _deadband),
-    USABLE: ("mm", "higher", BOUNDARY_STEP_MM, _headline("usable_depth_mm")),
-    "pairs with a deadband": ("share", "lower", 0.0, _dead_pairs),
-    "mode gap": ("mm", "", BOUNDARY_STEP_MM, _headline("mode_gap_mm")),
-    "mode 2 begins": ("N", "", 0.0, _onset_n),
-    "continuity": ("", "higher", 0.01, _headline("continuity")),
-    "evenness": ("", "higher", 0.01, _headline("evenness")),
-    SIGNAL: ("of emitted", "higher", 0.0, _strength("untouched_flux")),
-    "swing": ("share", "higher", 0.0, _strength("swing")),
-    "resolvable steps": ("", "higher", 1.0, _strength("resolvable_steps")),
-}
-
-
-def _signal_error(row: SweepRow) -> float:
-    """Uncertainty of the signal without contact: its standard error, because two seeds may agree by chance."""
-    return 0.0 if row.curve is None else row.curve.standard_error[0]
-
-
-def _usable_error(row: SweepRow) -> float:
-    usable_mm, between_mm = row.score["usable_depth_mm"], row.score["usable_range_mm"]
-    return 0.0 if between_mm is None else max(abs(float(usable_mm - end)) for end in between_mm)
-
-
-_OWN_ERRORS: dict[str, Callable[[SweepRow], float]] = {SIGNAL: _signal_error, USABLE: _usable_error}
-"""Functions that compute a figure's uncertainty from a single score; the key is the name of the figure."""
-
-
-def _pad_height_mm(design: SensorDesign) -> float:
-    return design.cavity.clear_thickness_mm + design.cavity.black_thickness_mm
-
-
-def _row(design: SensorDesign, label: str, fine: bool, seed: int) -> SweepRow:
+def _judged(design: SensorDesign, *, fine: bool, seed: int, verdict_only: bool) -> ContinuityScore:
     from sims.score.scoring import score
 
-    return sweep_row(design, label, score(design, fine=fine, seed=seed, verdict_only=True))
+    return score(design, fine=fine, seed=seed, verdict_only=verdict_only, tolerance=False)
 
 
 def _require_comparable(designs: Sequence[SensorDesign], labels: Sequence[str]) -> None:

@@ -32,6 +32,7 @@ from design.search.figures import FIGURES
 from design.search.importance import importances
 from design.search.improve import FanOut, Tried, one_by_one
 from design.search.space import SearchSpace, Value
+from optopad.results.figures import figures_of
 from optopad.results.shown import Search
 
 PLACES = "places.json"
@@ -182,6 +183,7 @@ def summary(search: Search) -> dict[str, Any]:
                 "verdict": one.judged.verdict,
                 "headline": search.headline(one),
                 "is_open": search.is_open(one.judged),
+                **figures_of(found.space.design_at(one.parameters), None).size_json(),
             }
             for one, file in zip(found.front, search.files, strict=True)
         ],

@@ -19,6 +19,7 @@ from design.progress import OnStep, silent
 from design.spec import SensorDesign
 from fabrication.bundle import bundle, bundle_name
 from optopad.plot_files import write_plot
+from optopad.results.figures import figures_of
 from optopad.results.sweep import FINE, FULL, Sweep
 from optopad.work import FinishedWork
 from sims.score.sweep import SweepRow, disputed, sweep_row, swept_designs
@@ -67,6 +68,7 @@ def run_sweep(
     sweep = Sweep(
         field=path,
         rows=tuple(rows),
+        figures=tuple(figures_of(variant, row.score) for variant, row in zip(variants, rows, strict=True)),
         taken_up=taken_up,
         folder=out / bundle_name(design),
         bundles=tuple(out / bundle_name(variant) for variant in variants) if build else (),
@@ -122,7 +124,7 @@ def _refined(variant: SensorDesign, row: SweepRow, kept: FinishedWork, seed: int
 def _judged_finer(variant: SensorDesign, setting: str, seed: int) -> Any:
     from sims.score.scoring import score
 
-    return score(variant, fine=setting == FINE, full=setting == FULL, seed=seed, verdict_only=True)
+    return score(variant, fine=setting == FINE, full=setting == FULL, seed=seed, tolerance=False)
 
 
 def _judged(variant: SensorDesign, out: Path, *, fine: bool, seed: int, build: bool) -> Any:
@@ -132,7 +134,7 @@ def _judged(variant: SensorDesign, out: Path, *, fine: bool, seed: int, build: b
         return run(variant, out, fine=fine, seed=seed, on_step=silent).score.found
     from sims.score.scoring import score
 
-    return score(variant, fine=fine, seed=seed, verdict_only=True)
+    return score(variant, fine=fine, seed=seed, tolerance=False)
 
 
 def _write(design: SensorDesign, out: Path, sweep: Sweep, seed: int) -> None:

@@ -30,9 +30,9 @@ small { opacity: .75; } figure { margin: 1rem 0; background: #fff; overflow-x: a
 svg { max-width: 100%; height: auto; min-width: 30rem; }
 """
 LEGEND = (
-    "Marked: better than every other design by more than the sum of both uncertainties. Uncertainty: the "
-    "difference of a second seed of the light model, and at least the resolution of the depth step. "
-    "Effects that the models leave out are not included."
+    "Marked: better than every other design by more than the sum of both uncertainties. Uncertainty: the numerical "
+    "error of the figure, or its difference for a second seed of the light model, and at least the resolution of the "
+    "depth step. Effects that the models leave out are not included."
 )
 
 

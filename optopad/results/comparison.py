@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from textwrap import wrap
+from typing import TYPE_CHECKING, Any
 
 from design.spec import SensorDesign
-from optopad.results.shown import Result, block, number, picture, table
+from optopad.results.figures import TABLE_WIDTH, Better, PadFigures, figure_lines
+from optopad.results.shown import Result, block, picture, table
 from sims.score.sweep import SweepRow
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+NAMES = ("name", "description")
+"""Fields that name a design."""
 WIDEST = 26
 """Largest number of characters of a field's value in a table; longer values are cut."""
-Better = Literal["lower", "higher", ""]
+MOST_CHANGES = 8
+"""Largest number of changed fields that the terminal lists for a design; the page has all."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,8 +32,10 @@ class Measure:
     Attributes
     ----------
     name, unit : name and unit of the figure
-    better : "higher" or "lower"; "" if neither is better
-    values : value for each design; None if a design does not have the figure
+    better : "higher" or "lower"
+    values : number by which each design is ranked; None if a design does not have the figure, infinite if presses are
+        not resolved or not detected
+    texts : the figure of each design as text
     uncertainty : uncertainty for each design, in the unit of the figure
     winner : index of the design that is better than all others by more than the uncertainties; None if there is none
     """
@@ -36,6 +44,7 @@ class Measure:
     unit: str
     better: Better
     values: tuple[float | None, ...]
+    texts: tuple[str, ...]
     uncertainty: tuple[float, ...]
     winner: int | None
 
@@ -45,15 +54,9 @@ class Measure:
         return f"{self.name} [{self.unit}]" if self.unit else self.name
 
     def shown(self, place: int) -> str:
-        """The value of the design with index `place`, with its uncertainty, as text."""
-        value, spread = self.values[place], self.uncertainty[place]
-        if value is None:
-            return "open" if self.name == "mode gap" else "-"
-        return f"{value:.4g} ± {spread:.1g}" if spread else f"{value:.4g}"
-
-    def cells(self) -> list[str]:
-        """The values of all designs as text; a star marks the winner."""
-        return [self.shown(k) + (" *" if k == self.winner else "") for k in range(len(self.values))]
+        """The figure of the design with index `place`, with its uncertainty, as text."""
+        spread = self.uncertainty[place]
+        return f"{self.texts[place]} ± {spread:.1g}" if 0.0 < spread < math.inf else self.texts[place]
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -64,8 +67,9 @@ class Comparison(Result):
     ----------
     labels, digests : name and digest of each design; all others are compared with the first one
     rows : score of each design, and its signal curve in the plot
+    figures : the figures that each design is chosen by
     changes : fields in which the designs differ, as a mapping from dotted path to the value in each design
-    measures : figures of all designs
+    measures : figures of all designs by which they are ranked
     winner_of_verdict : index of the only design without a deadband; None otherwise, or if a verdict is undecided
     folder, stem : folder of the written comparison, and its file name without suffix
     """
@@ -73,6 +77,7 @@ class Comparison(Result):
     labels: tuple[str, ...]
     digests: tuple[str, ...]
     rows: tuple[SweepRow, ...]
+    figures: tuple[PadFigures, ...]
     changes: dict[str, tuple[Any, ...]]
     measures: tuple[Measure, ...]
     folder: Path
@@ -113,32 +118,39 @@ class Comparison(Result):
             return plot_sweep("designs", self.rows)
 
     def lines(self) -> list[str]:
-        """The comparison as text: designs, differences, figures; a star marks a winner."""
-        labels = [shown_value(label) for label in self.labels]
-        verdicts = [
-            row.headline + (" *" if number == self.winner_of_verdict else "")
-            for number, row in enumerate(self.rows)
-        ]
-        rows = [["", *labels], *([path, *map(shown_value, values)] for path, values in self.changes.items())]
-        rows += [["", *[""] * len(labels)], ["verdict", *verdicts]]
-        rows += [[one.title, *one.cells()] for one in self.measures]
-        reasons = [
-            f"{label}: {row.score['reason']}"
-            for label, row in zip(self.labels, self.rows, strict=True)
+        """The comparison as text: designs and what differs, then their figures; a star marks a winner."""
+        numbers = [str(number) for number in range(1, len(self.labels) + 1)]
+        winners = {one.name: one.winner for one in self.measures if one.winner is not None}
+        if self.winner_of_verdict is not None:
+            winners["verdict"] = self.winner_of_verdict
+        lines = []
+        for place, number in enumerate(numbers):
+            lines += wrap(f"{number}  {self._told_apart(place)}", TABLE_WIDTH, subsequent_indent="   ")
+        lines += ["", *figure_lines("design", numbers, self.figures, winners)]
+        lines += [
+            f"{number}: {row.score['reason']}"
+            for number, row in zip(numbers, self.rows, strict=True)
             if row.score["reason"]
         ]
-        return [
-            *_aligned(rows),
-            *reasons,
-            "** better than every other design by more than the sum of both uncertainties",
+        return [*lines, "* better than every other design by more than the sum of both uncertainties"]
+
+    def _told_apart(self, place: int) -> str:
+        """Name and digest of a design, and the fields in which it differs from the first design."""
+        name = f"{self.labels[place]} ({self.digests[place][:8]})"
+        changed = [
+            f"{path} = {shown_value(values[place])}"
+            for path, values in self.changes.items()
+            if values[place] != values[0] and path not in NAMES and path not in self.labels[place]
         ]
+        if len(changed) > MOST_CHANGES:
+            changed[MOST_CHANGES:] = [f"and {len(changed) - MOST_CHANGES} more fields, see the page"]
+        return f"{name}: {', '.join(changed)}" if changed else name
 
     def _repr_html_(self) -> str:
         rows = [
-            (f"{one.name}, {one.unit}".rstrip(", "), *(number(value, 3) for value in one.values))
-            for one in self.measures
+            (cells[0].title, *(cell.text for cell in cells))
+            for cells in zip(*(one.cells for one in self.figures), strict=True)
         ]
-        rows = [("verdict", *self.headlines.values()), *rows]
         return block("comparison", (), table(("", *self.labels), rows), picture(self.plot, "compare"))
 
     def to_json(self) -> dict[str, Any]:
@@ -153,8 +165,11 @@ class Comparison(Result):
                     "usable_depth_mm": row.score["usable_depth_mm"],
                     "is_open": row.score["is_open"],
                     "reason": row.score["reason"],
+                    **figures.to_json(),
                 }
-                for label, digest, row in zip(self.labels, self.digests, self.rows, strict=True)
+                for label, digest, row, figures in zip(
+                    self.labels, self.digests, self.rows, self.figures, strict=True
+                )
             ],
             "changes": [{"path": path, "values": list(values)} for path, values in self.changes.items()],
             "measures": [
@@ -162,8 +177,8 @@ class Comparison(Result):
                     "name": one.name,
                     "unit": one.unit,
                     "better": one.better,
-                    "values": list(one.values),
-                    "uncertainty": list(one.uncertainty),
+                    "values": [_finite(value) for value in one.values],
+                    "uncertainty": [_finite(value) for value in one.uncertainty],
                     "winner": None if one.winner is None else self.labels[one.winner],
                 }
                 for one in self.measures
@@ -191,9 +206,5 @@ def shown_value(value: Any) -> str:
     return text if len(text) <= WIDEST else f"{text[: WIDEST - 3]}..."
 
 
-def _aligned(table: Sequence[Sequence[str]]) -> list[str]:
-    widths = [max(len(row[column]) for row in table) for column in range(len(table[0]))]
-    return [
-        "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in table
-    ]
+def _finite(value: float | None) -> float | None:
+    return None if value is None or math.isinf(value) else value

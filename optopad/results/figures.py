@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any, Literal
 
 from design.mold.outline import outline_of
@@ -28,6 +30,10 @@ BOUNDARY_STEP_MM = 0.04
 """Shift of a boundary of a deadband in depth if the depth step is doubled [mm]."""
 LOADS = ("force_n", "low_n", "high_n")
 """Loads of the force curve in a score's plain data: nominal, and at both ends of the elastic modulus's band."""
+TABLE_WIDTH = 118
+"""Largest width of a table in the terminal [characters]; a wider one is printed in parts, one below the other."""
+NONE = "none"
+"""Text of a bound or a load where presses are not resolved or not detected."""
 SUMMARY_ROOM = 88
 """Largest number of characters of a summary: a line of the screen without its label."""
 
@@ -43,7 +49,9 @@ class Band:
     @property
     def error(self) -> float:
         """Distance from the value to the farther end."""
-        return 0.0 if self.low == self.high else max(self.value - self.low, self.high - self.value)
+        return (
+            0.0 if self.low == self.value == self.high else max(self.value - self.low, self.high - self.value)
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,55 +79,60 @@ class FigureCell:
         """Name and unit of the figure."""
         return f"{self.name} [{self.unit}]" if self.unit else self.name
 
+    @property
+    def words(self) -> str:
+        """Name, figure and unit in a sentence."""
+        number, bracket, rest = self.text.partition(" (")
+        return f"{self.name} {f'{number} {self.unit}'.rstrip()}{bracket}{rest}"
+
 
 @dataclass(frozen=True, kw_only=True)
 class PadFigures:
-    """The figures of one design; those of the light are None if the models do not cover the design.
+    """The figures of one design; those of the light are None without a score, or if the models do not cover the design.
 
     Attributes
     ----------
     name, digest : the design's name and content hash
-    headline : verdict with the usable depth
-    margin : least margin of any location, or of any facing pair [noise units]
-    usable_mm : least depth to which depth is resolved [mm]
-    deadband_mm : total length of the deadbands at the worst location, or of the worst facing pair [mm]
-    location_mm : median Cramér-Rao bound of the location from one frame [mm]
-    depth_mm : median Cramér-Rao bound of the depth [mm]; for facing rows, that at a known location
-    detection_n : load from which a press is detected at the worst location [N]
-    deepest_n : load of the deepest press in the middle [N], with the ends of the elastic modulus's band
-    deepest_mm : depth of the deepest press [mm]
-    unresolved : share of the volume in which x, y and depth are not resolved together [-]; None for facing rows
     pressable_mm : length and width of the area that may be pressed [mm]
     pressable_share : this area as a share of the pad's area [-]
     outer_mm : length, width and height of the sensor in its mold [mm]
     parts : number of emitters and receivers
     bill : sum of the bill of materials
+    deepest_mm : depth of the deepest press [mm]
+    is_facing_rows : whether the verdict is on facing pairs, which are pressed at known locations
+    headline : verdict with the usable depth; empty without a score
+    margin : least margin of any location, or of any facing pair [noise units]
+    usable_mm : least depth to which depth is resolved [mm]
+    deadband_mm : total length of the deadbands at the worst location, or of the governing facing pair [mm]
+    location_mm : median Cramér-Rao bound of the location from one frame [mm]
+    depth_mm : median Cramér-Rao bound of the depth [mm]; for facing rows, that at a known location
+    detection_n : load from which a press is detected at the worst location [N]
+    deepest_n : load of the deepest press in the middle [N], with the ends of the elastic modulus's band
+    unresolved : share of the volume in which x, y and depth are not resolved together [-]; None for facing rows
     """
 
     name: str
     digest: str
-    headline: str
-    margin: float | None
-    usable_mm: Band | None
-    deadband_mm: float | None
-    location_mm: Band | None
-    depth_mm: Band | None
-    detection_n: Band | None
-    deepest_n: Band | None
-    deepest_mm: float
-    unresolved: float | None
     pressable_mm: tuple[float, float]
     pressable_share: float
     outer_mm: tuple[float, float, float]
     parts: int
     bill: BillSum
+    deepest_mm: float
+    is_facing_rows: bool = False
+    headline: str = ""
+    margin: float | None = None
+    usable_mm: Band | None = None
+    deadband_mm: float | None = None
+    location_mm: Band | None = None
+    depth_mm: Band | None = None
+    detection_n: Band | None = None
+    deepest_n: Band | None = None
+    unresolved: float | None = None
 
     @property
     def cells(self) -> tuple[FigureCell, ...]:
         """The figures as the cells of a table, the most important first; every table is made of them."""
-        length, width, height = self.outer_mm
-        whole = len(self.bill.known) == 1 and not self.bill.unpriced
-        currency = " ".join(self.bill.known) if len(self.bill.known) == 1 else ""
         return (
             FigureCell(name="verdict", unit="", text=self.headline),
             _number("margin", "sigma", "higher", self.margin, 1),
@@ -135,10 +148,19 @@ class PadFigures:
                 better="lower",
                 value=self.unresolved,
             ),
+            *self.of_size,
+        )
+
+    @property
+    def of_size(self) -> tuple[FigureCell, ...]:
+        """The cells that need no score."""
+        length, width, height = self.outer_mm
+        known = list(self.bill.known.values())
+        return (
             FigureCell(
                 name="pressable",
                 unit="mm",
-                text=f"{_sizes(self.pressable_mm)} ({self.pressable_share:.0%})",
+                text=f"{_sizes(self.pressable_mm)} ({share_text(self.pressable_share)} %)",
                 better="higher",
                 value=math.prod(self.pressable_mm),
             ),
@@ -153,12 +175,24 @@ class PadFigures:
             _number("parts", "", "lower", float(self.parts), 0),
             FigureCell(
                 name="price",
-                unit=currency,
+                unit="",
                 text=price_text(self.bill),
                 better="lower",
-                value=sum(self.bill.known.values()) if whole else None,
+                value=known[0] if len(known) == 1 and not self.bill.unpriced else None,
             ),
         )
+
+    def csv_columns(self) -> dict[str, Any]:
+        """The figures as the columns of a CSV file; None where `to_json` has None, and for an unknown price."""
+        found = self.to_json()
+        sizes = {
+            f"{name}_{axis}_mm": size
+            for name in ("pressable", "outer")
+            for axis, size in zip("xyz", found.pop(f"{name}_mm"), strict=False)
+        }
+        bill = found.pop("price")
+        price = " + ".join(f"{value:.2f} {currency}" for currency, value in bill["known"].items())
+        return found | sizes | {"price": price or None, "rows_without_price": bill["rows_without_price"]}
 
     def to_json(self) -> dict[str, Any]:
         """The figures as plain data; None where a figure does not exist, or a press is not resolved or detected."""
@@ -169,6 +203,12 @@ class PadFigures:
             "detection_force_n": _plain(self.detection_n),
             "deepest_force_n": _plain(self.deepest_n),
             "unresolved_share": self.unresolved,
+            **self.size_json(),
+        }
+
+    def size_json(self) -> dict[str, Any]:
+        """The entries of `to_json` that need no score."""
+        return {
             "pressable_mm": list(self.pressable_mm),
             "pressable_share": self.pressable_share,
             "outer_mm": list(self.outer_mm),
@@ -181,13 +221,15 @@ class PadFigures:
         }
 
 
-def figures_of(design: SensorDesign, score: ContinuityScore | Mapping[str, Any]) -> PadFigures:
-    """The figures of a scored design.
+def figures_of(design: SensorDesign, score: ContinuityScore | Mapping[str, Any] | None) -> PadFigures:
+    """The figures of a design.
 
     Parameters
     ----------
-    score : the design's score with bounds, or its plain data as in `score.json`
+    score : the design's score with bounds, or its plain data as in `score.json`; None if the design has none yet
     """
+    if score is None:
+        return PadFigures(bill=bill_sum(bom_rows(design)), **_of_design(design))
     from sims.score.result import headline
 
     found = score if isinstance(score, Mapping) else score.to_json()
@@ -196,8 +238,7 @@ def figures_of(design: SensorDesign, score: ContinuityScore | Mapping[str, Any])
     depth_bound = "median_depth_place_known_mm" if is_facing else "median_depth_mm"
     usable, between = found["usable_depth_mm"], found["usable_range_mm"]
     return PadFigures(
-        name=design.name,
-        digest=design.digest,
+        is_facing_rows=is_facing,
         headline=headline(
             found["verdict"],
             is_open=found["is_open"],
@@ -212,19 +253,103 @@ def figures_of(design: SensorDesign, score: ContinuityScore | Mapping[str, Any])
         depth_mm=None if bounds is None else _as_band(bounds[depth_bound].values()),
         detection_n=None if bounds is None else _detection(bounds["detection"]),
         deepest_n=None if force is None else _as_band(force[name][-1] for name in LOADS),
-        deepest_mm=design.operating.max_depth_mm,
         unresolved=None if bounds is None or is_facing else bounds["unresolved_share"],
         bill=bill_sum(bom_rows(design, gain_of(found))),
-        **_sizes_of(design),
+        **_of_design(design),
     )
 
 
-def _sizes_of(design: SensorDesign) -> dict[str, Any]:
-    """Fields of `PadFigures` that need neither light nor price: pressable area, outer size, number of parts."""
+def summary_words(design: SensorDesign, score: ContinuityScore | None) -> str:
+    """Size, pressable area, loads, number of parts and price of a design, on one line of the screen.
+
+    Parameters
+    ----------
+    score : the design's score; if None, the loads are left out
+    """
+    found = figures_of(design, score)
+    outside, pressable = f"{_sizes(found.outer_mm)} mm", f"pressable {_sizes(found.pressable_mm)} mm"
+    share, bill = share_text(found.pressable_share), found.bill
+    areas = [f"{pressable} ({share} % of the pad)", f"{pressable} ({share} %)"]
+    short = f"bill {price_text(bill)}" if bill.known else "no price known"
+    missing = f"{short.partition(' + ')[0]} ({bill.unpriced} of {bill.rows} rows without a price)"
+    prices = [missing, short] if len(bill.known) == 1 and bill.unpriced else [short]
+    # the last choice is the first to be shortened
+    forms = [
+        ", ".join(filter(None, (size, area, load, f"{found.parts} parts", price)))
+        for size, load, price, area in product([f"{outside} outside", outside], _loads(found), prices, areas)
+    ]
+    return next((form for form in forms if len(form) <= SUMMARY_ROOM), forms[-1])
+
+
+def figure_lines(
+    corner: str,
+    labels: Sequence[str],
+    figures: Sequence[PadFigures],
+    winners: Mapping[str, int] | None = None,
+) -> list[str]:
+    """Lines of a table with one row for each design and one column for each figure.
+
+    A figure that is the same for all designs is given once, below the table.
+
+    Parameters
+    ----------
+    corner, labels : heading of the first column, and each design's entry in it
+    winners : index of the design that is marked with a star, by the name of the figure
+    """
+    stars = winners or {}
+    columns: list[tuple[str, str, Sequence[str]]] = []
+    same: list[str] = []
+    for cells in zip(*(one.cells for one in figures), strict=True):
+        first = cells[0]
+        if first.name != "verdict" and len(cells) > 1 and len({cell.text for cell in cells}) == 1:
+            same += [first.words] if first.text != "-" else []
+            continue
+        star = stars.get(first.name)
+        texts = [cell.text + (" *" if place == star else "") for place, cell in enumerate(cells)]
+        columns.append((first.name, first.unit, texts))
+    lines = in_columns([(corner, "", labels), *columns])
+    lines += wrap(f"the same for all: {', '.join(same)}", TABLE_WIDTH, subsequent_indent="  ") if same else []
+    texts = [cell.text for one in figures for cell in one.cells]
+    if NONE in texts:
+        lines.append(
+            f"{NONE}: half of the volume is not resolved, or a press is not detected at some location"
+        )
+    if any(one.is_facing_rows for one in figures):
+        lines.append("facing rows: the depth bound is that of presses at a known location")
+    return lines
+
+
+def in_columns(columns: Sequence[tuple[str, str, Sequence[str]]]) -> list[str]:
+    """Lines of a table of columns, each with name, unit and texts.
+
+    A table that is wider than `TABLE_WIDTH` is printed in parts, each with the first column.
+    """
+    padded = []
+    for name, unit, texts in columns:
+        cells = [name, unit, *texts]
+        padded.append([f"{cell:<{max(map(len, cells))}}" for cell in cells])
+    labels, *rest = padded
+    parts = [[labels]]
+    for column in rest:
+        if len(parts[-1]) > 1 and sum(len(one[0]) + 2 for one in [*parts[-1], column]) > TABLE_WIDTH + 2:
+            parts.append([labels])
+        parts[-1].append(column)
+    lines: list[str] = []
+    for part in parts:
+        lines += [""] if lines else []
+        lines += ["  ".join(cells).rstrip() for cells in zip(*part, strict=True)]
+    return lines
+
+
+def _of_design(design: SensorDesign) -> dict[str, Any]:
+    """Fields of `PadFigures` that need neither light nor price."""
     cavity, mold = cavity_of(design), outline_of(design)
     space = cavity.workspace
     top_mm = max(mold.highest_mm, cavity.plan.clear_mm)
     return {
+        "name": design.name,
+        "digest": design.digest,
+        "deepest_mm": design.operating.max_depth_mm,
         "pressable_mm": (_rounded(space.x1_mm - space.x0_mm), _rounded(space.y1_mm - space.y0_mm)),
         "pressable_share": _rounded(space.area_mm2 / cavity.plan.outline.area_mm2),
         "outer_mm": tuple(
@@ -246,6 +371,18 @@ def share_text(share: float | None) -> str:
     if share is None:
         return "-"
     return "<1" if 0.0 < share < LEAST_SHARE else f"{100 * share:.0f}"
+
+
+def _loads(found: PadFigures) -> list[str]:
+    """Loads of first contact and of the deepest press as text, the longest form first; empty texts if not known."""
+    first, last = found.detection_n, found.deepest_n
+    if last is None:
+        return [""]
+    most = f"{last.value:.{1 if last.value < 10.0 else 0}f} N"
+    deepest = f"{most} at {found.deepest_mm:g} mm"
+    if first is None or math.isinf(first.value):
+        return [deepest, f"up to {most}"]
+    return [f"contact from {first.value:.2f} N, {deepest}", f"{first.value:.2f} to {most}"]
 
 
 def _detection(document: Mapping[str, Any] | None) -> Band | None:
@@ -284,5 +421,5 @@ def _band(
     if band is None:
         return _number(name, unit, better, None, digits)
     if math.isinf(band.value):
-        return FigureCell(name=name, unit=unit, text="none", better=better, value=band.value)
+        return FigureCell(name=name, unit=unit, text=NONE, better=better, value=band.value)
     return _number(name, unit, better, band.value, digits, max(band.error, least_error))

@@ -10,16 +10,34 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from optopad.results.shown import Result, block, number, picture, table
+from optopad.results.figures import PadFigures, figure_lines
+from optopad.results.shown import Result, block, picture, table
 from sims.score.sweep import SweepRow
 
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
+PAD_COLUMNS = (
+    "margin_noise_units",
+    "location_bound_mm",
+    "depth_bound_mm",
+    "detection_force_n",
+    "deepest_force_n",
+    "unresolved_share",
+    "pressable_x_mm",
+    "pressable_y_mm",
+    "pressable_share",
+    "outer_x_mm",
+    "outer_y_mm",
+    "outer_z_mm",
+    "parts",
+)
+"""Columns with the numbers of `PadFigures`."""
 FIGURES = (
     "deadband_mm",
     "usable_depth_mm",
+    *PAD_COLUMNS,
     "mode_gap_mm",
     "continuity",
     "evenness",
@@ -41,6 +59,7 @@ class Sweep(Result):
     ----------
     field : dotted path of the field
     rows : scores, in the order of the values
+    figures : figures of the design at each value
     taken_up : number of scores that were taken from an interrupted run
     folder : bundle with the table and the picture
     bundles : bundle of each value; empty without ``--build``
@@ -48,6 +67,7 @@ class Sweep(Result):
 
     field: str
     rows: tuple[SweepRow, ...]
+    figures: tuple[PadFigures, ...]
     taken_up: int
     folder: Path
     bundles: tuple[Path, ...] = ()
@@ -75,7 +95,7 @@ class Sweep(Result):
         """
         import xarray as xr
 
-        cells = [table_row(row) for row in self.rows]
+        cells = self._cells
         columns: dict[str, Any] = {
             name: (
                 self.field,
@@ -92,7 +112,8 @@ class Sweep(Result):
 
     def to_json(self) -> dict[str, Any]:
         """The sweep as plain data for JSON."""
-        document: dict[str, Any] = {"field": self.field, "rows": [row.to_json() for row in self.rows]}
+        rows = [row.to_json() | one.to_json() for row, one in zip(self.rows, self.figures, strict=True)]
+        document: dict[str, Any] = {"field": self.field, "rows": rows}
         if self.bundles:
             document["bundles"] = [str(folder) for folder in self.bundles]
         return document
@@ -102,12 +123,13 @@ class Sweep(Result):
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow([self.field, *COLUMNS])
-        for row in self.rows:
-            cells = table_row(row)
-            writer.writerow(
-                [row.value, *("" if cells.get(name) is None else cells[name] for name in COLUMNS)]
-            )
+        for value, cells in zip(self.values, self._cells, strict=True):
+            writer.writerow([value, *("" if cells.get(name) is None else cells[name] for name in COLUMNS)])
         return text.getvalue()
+
+    @property
+    def _cells(self) -> list[dict[str, Any]]:
+        return [table_row(row) | one.csv_columns() for row, one in zip(self.rows, self.figures, strict=True)]
 
     def plot(self) -> Figure:
         """Plot of signal against depth, one panel per value of the swept field."""
@@ -118,22 +140,9 @@ class Sweep(Result):
             return plot_sweep(self.field, self.rows)
 
     def lines(self) -> list[str]:
-        """The short table that `optopad sweep` prints."""
-        width = max(len(self.field), *(len(str(row.value)) for row in self.rows))
-        words = max(len("verdict"), *(len(row.headline) for row in self.rows if row.is_judged), 0)
-        lines = [
-            f"{self.field:<{width}}  {'verdict':<{words}}  deadband mm    usable mm  pair   mode 1 mm     mode 2 mm"
-            "     gap mm  mode 2 from, N (band)  contin.  even.  untouched"
-        ]
-        for row in self.rows:
-            if not row.is_judged:
-                lines.append(f"{row.value!s:<{width}}  {row.score['verdict']}: {row.score['reason']}")
-            else:
-                lines.append(f"{row.value!s:<{width}}  {row.headline:<{words}}  {_cells(row)}")
-        if any(row.is_of_another_pair for row in self.rows):
-            lines.append(
-                "A pair named after a deadband has that deadband; the other figures are of the pair in column pair."
-            )
+        """The table that `optopad sweep` prints: the figures of each value's design."""
+        lines = figure_lines(self.field, [str(value) for value in self.values], self.figures)
+        lines += [f"{row.value}: {row.score['reason']}" for row in self.rows if row.score["reason"]]
         for setting in (FULL, FINE):
             if values := ", ".join(str(row.value) for row in self.rows if row.refined == setting):
                 lines.append(
@@ -147,17 +156,11 @@ class Sweep(Result):
         return lines
 
     def _repr_html_(self) -> str:
+        cells = [one.cells for one in self.figures]
         rows = [
-            (
-                str(row.value),
-                row.headline,
-                number(cell.get("deadband_mm")),
-                number(cell.get("usable_depth_mm")),
-                number(cell.get("mode_gap_mm")),
-            )
-            for row, cell in ((row, table_row(row)) for row in self.rows)
+            (str(value), *(cell.text for cell in row)) for value, row in zip(self.values, cells, strict=True)
         ]
-        head = (self.field, "verdict", "deadband, mm", "usable depth, mm", "mode gap, mm")
+        head = (self.field, *(cell.title for cell in cells[0]))
         return block(f"sweep of {self.field}", (), table(head, rows), picture(self.plot, "sweep"))
 
 
@@ -172,6 +175,9 @@ COLUMNS = (
     "usable_from_mm",
     "usable_to_mm",
     "is_open",
+    *PAD_COLUMNS,
+    "price",
+    "rows_without_price",
     "refined",
     "shown_pair",
     "shown_pair_deadband_mm",
@@ -240,22 +246,3 @@ def table_row(row: SweepRow) -> dict[str, Any]:
             for column, load in zip(("n", "low_n", "high_n"), loads, strict=True):
                 cells[f"{mode}_{name}_{column}"] = load
     return cells
-
-
-def _cells(row: SweepRow) -> str:
-    cells = table_row(row)
-    onset, end, gap = (cells[name] for name in ("mode2_onset_mm", "mode2_end_mm", "mode_gap_mm"))
-    mode2 = "never" if onset is None else f"{onset:.2f} to {'open' if end is None else f'{end:.2f}'}"
-    load = (
-        "-"
-        if onset is None
-        else f"{cells['mode2_onset_n']:.2f} ({cells['mode2_onset_low_n']:.2f}..{cells['mode2_onset_high_n']:.2f})"
-    )
-    usable = "-" if cells["usable_depth_mm"] is None else f"{cells['usable_depth_mm']:.2f}"
-    dead = f"{cells['deadband_mm']:.2f}" + (f" {cells['governing_pair']}" if row.is_of_another_pair else "")
-    return (
-        f"{dead:<13}  {usable:>9}  {cells['shown_pair']:<6} "
-        f"{cells['mode1_start_mm']:.2f} to {cells['mode1_end_mm']:.2f}  {mode2:<12} "
-        f"{'open' if gap is None else f'{gap:+.2f}':>6}  {load:<21}  {cells['continuity']:>7.2f}  "
-        f"{cells['evenness']:>5.2f}  {cells['untouched_flux']:.3e}"
-    )

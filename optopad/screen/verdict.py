@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from design.circuit.pins import board_of, faster_boards, frame_rate_hz
 from design.spec import SensorDesign
 from optopad.prediction_cost import STEM, quick_prediction_s
+from optopad.results.figures import summary_words
 from optopad.screen.verdict_sentences import (
     at_mm,
     command_words,
@@ -72,6 +73,7 @@ def verdict_screen(
         *row("verdict", said.verdict, 2 if score.causes or score.reason == "" else 4),
     ]
     figures = [*row("confidence", said.confidence, 2), *row("resolution", said.resolution, 2)]
+    figures += row("size", summary_words(design, score))
     onward = _next(score, command, said.fix, is_built=is_built) if command else ""
     foot = [*closing, *row("next", onward, 2)]
     left = LINES - len(head) - len(figures) - len(foot) - 1
@@ -96,7 +98,9 @@ def rate_words(design: SensorDesign) -> str:
     return "; ".join([can, *ways])
 
 
-def findings_screen(name: str, findings: Sequence[Finding], *, command: str, rate: str = "") -> list[str]:
+def findings_screen(
+    name: str, findings: Sequence[Finding], *, command: str, rate: str = "", size: str = ""
+) -> list[str]:
     """Lines with findings of the design rules, errors first, as many as there is room for; then the next command.
 
     Parameters
@@ -104,13 +108,16 @@ def findings_screen(name: str, findings: Sequence[Finding], *, command: str, rat
     name : name of the design
     command : command and design as typed, for example `score pad.toml`
     rate : sentence on the frame rate from `rate_words`; shown if there is no error
+    size : line on size, parts and price from `summary_words`; shown if there is no error
     """
     errors = [one for one in findings if one.severity == "error"]
     notes = [one for one in findings if one.severity == "note"]
     warnings = [one for one in findings if one.severity == "warning"]
     ordered = [*errors, *warnings, *notes]
     total = f"{counted(len(errors), 'error')}, {counted(len(warnings), 'warning')}"
-    foot = [] if errors else [*row("rate", rate, 2), *row("next", f"optopad {command}", 2)]
+    foot = (
+        [] if errors else [*row("size", size), *row("rate", rate, 2), *row("next", f"optopad {command}", 2)]
+    )
     room = LINES - len(foot) - 2
     lines: list[str] = []
     shown = 0

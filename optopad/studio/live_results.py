@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 from design.arrays import FloatArray, IntArray
+from design.spec import SensorDesign
+from optopad.results.figures import PadFigures, figures_of
 from optopad.studio.session import LivePress
 from sims.score.objective import PlaceCurves
 from sims.score.result import ContinuityScore
@@ -88,6 +90,14 @@ class LiveVerdict:
     digest: str
     level: Level
     score: ContinuityScore
+
+    def figures(self, design: SensorDesign) -> PadFigures:
+        """The figures of the judged design, computed once, since the panel is drawn often."""
+        known = vars(self)
+        if "_figures" not in known:
+            known["_figures"] = figures_of(design, self.score)
+        found: PadFigures = known["_figures"]
+        return found
 
 
 @dataclass(frozen=True, kw_only=True)

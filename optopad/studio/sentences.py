@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from html import escape
 
 from design.shape.cavity import PlacedPart
+from optopad.results.figures import figures_of
 from optopad.screen.stages import STAGE_TITLES
 from optopad.screen.verdict_sentences import sentences_of, verdict_words
 from optopad.studio.live import LiveView
@@ -95,31 +96,24 @@ def curves_title(
 
 
 def pins_html(pinned: Sequence[Version], now: Version, found: Mapping[str, LiveVerdict]) -> str:
-    """Table of pinned designs in comparison with the present design."""
+    """Table of the figures of pinned designs and of the present design, one column each."""
     if not pinned:
         return ""
-    rows = []
+    heads, columns, titles = [_head("", "")], [], list[str]()
     for name, version in [*((f"pin {k + 1}", one) for k, one in enumerate(pinned)), ("now", now)]:
-        judged = found.get(version.design.digest)
-        cells = ["…"] * 5
-        if judged is not None:
-            score = judged.score
-            margin = None if score.pad_map is None else score.pad_map.weakest.margin
-            place = None if score.bounds is None else score.bounds.median_location_mm.value
-            cells = [
-                verdict_words(score),
-                f"{score.deadband_total_mm:.2f}",
-                "" if score.usable_depth_mm is None else f"{score.usable_depth_mm:.2f}",
-                "" if margin is None else f"{margin:.1f}",
-                "" if place is None else f"{place:.3f}",
-            ]
-        told = "".join(f"<td>{escape(cell)}</td>" for cell in cells)
-        rows.append(f"<tr><td title='{escape(version.words, quote=True)}'>{name}</td>{told}</tr>")
-    head = "".join(
-        f"<th style='text-align:left'>{one}</th>"
-        for one in ("", "verdict", "deadband mm", "usable mm", "margin", "location mm")
+        judged, design = found.get(version.design.digest), version.design
+        if judged is None and version.errors:
+            continue
+        is_draft = judged is not None and judged.level == "draft"
+        heads.append(_head(f"{name}, draft" if is_draft else name, version.words))
+        cells = (figures_of(design, None) if judged is None else judged.figures(design)).cells
+        columns.append([cell.text if judged or cell.text not in ("", "-") else "…" for cell in cells])
+        titles = [cell.title for cell in cells]
+    rows = zip(titles, *columns, strict=True)
+    lines = ["".join(heads), *("".join(f"<td>{escape(cell)}</td>" for cell in row) for row in rows)]
+    table = (
+        f"<table style='width:100%;font-size:11px'>{''.join(f'<tr>{line}</tr>' for line in lines)}</table>"
     )
-    table = f"<table style='width:100%;font-size:11px'><tr>{head}</tr>{''.join(rows)}</table>"
     return _wrapped(f'<div style="font-size:12px"><b>Pinned</b></div>{table}')
 
 
@@ -159,6 +153,10 @@ def bad_parts(now: Version, parts: Sequence[PlacedPart]) -> tuple[str, ...]:
         ):
             found.append(part.name)
     return tuple(found)
+
+
+def _head(text: str, title: str) -> str:
+    return f"<th style='text-align:left' title='{escape(title, quote=True)}'>{escape(text)}</th>"
 
 
 def _label(name: str, text: str) -> str:
