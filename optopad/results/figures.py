@@ -270,9 +270,15 @@ def summary_words(design: SensorDesign, score: ContinuityScore | None) -> str:
     outside, pressable = f"{_sizes(found.outer_mm)} mm", f"pressable {_sizes(found.pressable_mm)} mm"
     share, bill = share_text(found.pressable_share), found.bill
     areas = [f"{pressable} ({share} % of the pad)", f"{pressable} ({share} %)"]
-    short = f"bill {price_text(bill)}" if bill.known else "no price known"
-    missing = f"{short.partition(' + ')[0]} ({bill.unpriced} of {bill.rows} rows without a price)"
-    prices = [missing, short] if len(bill.known) == 1 and bill.unpriced else [short]
+    if bill.known:
+        short = price_text(bill)
+        missing = f" ({bill.unpriced} of {bill.rows} rows without a price)" if bill.unpriced else ""
+        prices = [
+            f"bill {short.partition(' + ')[0]}{missing}" if len(bill.known) == 1 else f"bill {short}",
+            short,
+        ]
+    else:
+        prices = ["no price known", "no price"]
     # the last choice is the first to be shortened
     forms = [
         ", ".join(filter(None, (size, area, load, f"{found.parts} parts", price)))
@@ -381,8 +387,9 @@ def _loads(found: PadFigures) -> list[str]:
     most = f"{last.value:.{1 if last.value < 10.0 else 0}f} N"
     deepest = f"{most} at {found.deepest_mm:g} mm"
     if first is None or math.isinf(first.value):
-        return [deepest, f"up to {most}"]
-    return [f"contact from {first.value:.2f} N, {deepest}", f"{first.value:.2f} to {most}"]
+        return [deepest, f"load up to {most}"]
+    band = f"{first.value:.2f} to {most}"
+    return [f"contact from {first.value:.2f} N, {deepest}", f"load {band}", band]
 
 
 def _detection(document: Mapping[str, Any] | None) -> Band | None:

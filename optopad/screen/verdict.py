@@ -1,4 +1,4 @@
-"""The verdict in the terminal: at most twelve lines of a hundred characters, or all figures with ``--details``."""
+"""The verdict in the terminal: at most thirteen lines of a hundred characters, or all figures with ``--details``."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from sims.verdict.builds import BuildStudy
     from sims.verdict.tolerance import Effect, FieldSteps
 
-WIDTH, LINES = 100, 12
+WIDTH, LINES = 100, 13
 LABEL = 12
 """Width of the column of labels at the start of each line [characters]."""
 FIRST = ("full scale", "do not settle", "cannot light", "too much current", "stay tacky")
@@ -73,9 +73,8 @@ def verdict_screen(
         *row("verdict", said.verdict, 2 if score.causes or score.reason == "" else 4),
     ]
     figures = [*row("confidence", said.confidence, 2), *row("resolution", said.resolution, 2)]
-    figures += row("size", summary_words(design, score))
     onward = _next(score, command, said.fix, is_built=is_built) if command else ""
-    foot = [*closing, *row("next", onward, 2)]
+    foot = [*row("size", summary_words(design, score)), *closing, *row("next", onward, 2)]
     left = LINES - len(head) - len(figures) - len(foot) - 1
     head += [*row("cause" if score.causes else "margin", said.why, max(left, 2)), *figures]
     reached = row("learner", learner, 2) if said.resolution and not score.is_facing_rows else []

@@ -21,7 +21,6 @@ from optopad.results.prediction import PredictedAccuracy, Prediction, accuracy_o
 from optopad.results.score import Score
 from sims.learning.tables import JudgedPresses
 from sims.score import scoring
-from sims.score.sweep import sweep_row
 from tests.sims.made_up_scores import contiguous_score, dead_score, out_of_scope_score
 
 ROOT = Path(__file__).parents[2]
@@ -38,9 +37,7 @@ def judged(monkeypatch):
     """Made-up scores in place of the physics."""
     monkeypatch.setattr(scoring, "score", made_up)
     monkeypatch.setattr(sweeping, "_judged", lambda variant, *_, **__: made_up(variant))
-    monkeypatch.setattr(
-        comparing, "_row", lambda design, label, *_: sweep_row(design, label, made_up(design))
-    )
+    monkeypatch.setattr(comparing, "_judged", made_up)
 
 
 def picture_in(html):
@@ -156,7 +153,7 @@ def test_a_sweep_is_a_table_over_the_values(judged, tmp_path):
     assert found.table["cavity.clear_thickness_mm"].values.tolist() == [8.0, 10.0]
     at_10 = found.table.sel({"cavity.clear_thickness_mm": 10.0})
     assert (float(at_10.usable_depth_mm), str(at_10.headline.values)) == (5.0, "DEADBAND")
-    assert "usable depth, mm" in found._repr_html_()
+    assert "usable [mm]" in found._repr_html_()
     assert found.table.deadband_mm.values[0] == 0.0
     assert found.table.deadband_mm.values[1] > 0.0
     assert found._repr_html_().count("<tr>") == 3

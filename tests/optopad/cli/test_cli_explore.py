@@ -160,8 +160,12 @@ def test_every_row_shows_the_usable_depth_and_the_score_words_of_its_verdict(
     assert main(["explore", str(space), "--out", str(tmp_path / "out"), "--trials", "1"]) == 0
     assert asked[0][-1] == "usable_depth_mm"
     told = capsys.readouterr().out
-    assert "usable_depth_mm  verdict" in told
-    assert "3.1  CONTIGUOUS, undecided, to 3.1 of 5 mm" in told  # the base: 8 mm, margin near the threshold
+    rows = [[cell.strip() for cell in line.split("  ")] for line in told.splitlines()]
+    head, base = ([cell for row in rows if row[0] == name for cell in row] for name in ("design", "base"))
+    assert {"usable_depth_mm", "pressable", "height", "price"} <= set(head)
+    assert "CONTIGUOUS, undecided, to 3.1 of 5 mm" in base  # 8 mm, margin near the threshold
+    assert {"3.1", "8 x 8 (16 %)", "33 x 33"} <= set(base)
+    assert "next      optopad score " in told  # one design: not re-scored, and the line says how
     found = explored(space, tmp_path / "out", capsys, "--trials", "12")
     folder = Path(found["folder"])
     words = {row["headline"] for row in csv.DictReader((folder / "designs.csv").read_text().splitlines())}

@@ -11,7 +11,8 @@ from optopad.cli import main
 from optopad.jobs import compare as comparing
 from optopad.jobs.compare import changes_of, compare
 from optopad.report.before_after import compare_html
-from sims.score.sweep import sweep_row
+from optopad.results.figures import TABLE_WIDTH, figures_of
+from tests.sims.made_up_bounds import made_up_bounds
 from tests.sims.made_up_scores import contiguous_score, dead_score, out_of_scope_score
 
 PAIR = preset("piacenza2017-pair")
@@ -22,12 +23,12 @@ THICK = PAIR.with_(**{"cavity.clear_thickness_mm": 10.0})
 def judged(monkeypatch):
     """Made-up scores: thick is dead, a radius of 2 mm is out of scope; another seed changes nothing."""
 
-    def row(design, label, _fine, _seed):
+    def judge(design, **_):
         thick, thin_tip = design.cavity.clear_thickness_mm > 8, design.indenter.tip_radius_mm < 3
         made = out_of_scope_score if thin_tip else dead_score if thick else contiguous_score
-        return sweep_row(design, label, made(design))
+        return made(design)
 
-    monkeypatch.setattr(comparing, "_row", row)
+    monkeypatch.setattr(comparing, "_judged", judge)
 
 
 def compared(out, *designs):
@@ -63,38 +64,68 @@ def test_a_value_that_is_not_given_is_absent_however_it_is_left_out():
     assert found["layout.1.height_mm"] == (comparing.ABSENT, comparing.ABSENT, 4.0)
 
 
-def test_the_contiguous_design_wins_verdict_and_deadband(judged, tmp_path):
+def test_the_contiguous_design_wins_verdict_and_deadband_and_no_figure_of_single_pairs_is_ranked(
+    judged, tmp_path
+):
     found = compared(tmp_path, THICK, PAIR)
     measures = {one.name: one for one in found.measures}
     assert found.winner_of_verdict == 1
     assert measures["deadband"].winner == 1
     assert measures["parts"].winner is None  # six each
-    assert measures["pad height"].winner == 1
-    assert measures["mode gap"].winner is None  # no better way
+    assert measures["height"].winner == 1
+    assert measures["price"].winner is None  # not known
+    assert not {"continuity", "evenness", "swing", "resolvable steps", "mode gap"} & set(measures)
 
 
-def test_the_deeper_usable_depth_wins_by_more_than_its_own_error(judged, tmp_path, monkeypatch):
-    def row(design, label, _fine, _seed):
+def test_a_figure_wins_by_more_than_its_own_error_and_the_seeds(tmp_path, monkeypatch):
+    def judge(design, *, seed, verdict_only, **_):
         thick = design.cavity.clear_thickness_mm > 8
         depth_mm, between_mm = (4.0, (3.9, 4.1)) if thick else (3.0, (2.7, 3.1))
-        made = replace(contiguous_score(design), usable_depth_mm=depth_mm, usable_range_mm=between_mm)
-        return sweep_row(design, label, made)
+        made = replace(
+            contiguous_score(design),
+            usable_depth_mm=depth_mm,
+            usable_range_mm=between_mm,
+            margin=(9.0 if thick else 5.0) + 1.5 * seed,
+        )
+        return made if verdict_only else replace(made, bounds=made_up_bounds(design))
 
-    monkeypatch.setattr(comparing, "_row", row)
+    monkeypatch.setattr(comparing, "_judged", judge)
     found = compared(tmp_path, PAIR, THICK)
-    usable = next(one for one in found.measures if one.name == "usable depth")
-    assert (usable.winner, usable.values) == (1, (3.0, 4.0))
-    assert usable.uncertainty == pytest.approx((0.3, 0.1))
-    assert any("CONTIGUOUS to 3.0 of 5 mm" in line for line in found.lines())
+    measures = {one.name: one for one in found.measures}
+    assert (measures["usable"].winner, measures["usable"].values) == (1, (3.0, 4.0))
+    assert measures["usable"].uncertainty == pytest.approx((0.3, 0.1))
+    assert (measures["margin"].winner, measures["margin"].uncertainty) == (1, (1.5, 1.5))
+    assert measures["location"].winner is None  # equal
+    assert measures["location"].uncertainty[0] > 0  # its own error, though the second seed has no bounds
+    lines = found.lines()
+    assert lines[:2] == [
+        f"1  d0 ({PAIR.digest[:8]})",
+        f"2  d1 ({THICK.digest[:8]}): cavity.clear_thickness_mm = 10",
+    ]
+    assert any(line.startswith("1 ") and "CONTIGUOUS to 3.0 of 5 mm" in line for line in lines)
+    assert any(line.startswith("2 ") and "9.0 *" in line and "4.00 *" in line for line in lines)
+    assert max(map(len, lines)) <= TABLE_WIDTH
     assert "CONTIGUOUS to 4.0 of 5 mm" in compare_html(found, "<svg></svg>")
+    rows = found.to_json()["designs"]
+    assert [row["margin_noise_units"] for row in rows] == [5.0, 9.0]
+    assert {"location_bound_mm", "detection_force_n", "pressable_mm", "outer_mm", "price"} <= set(rows[0])
 
 
-def test_an_undecided_verdict_makes_no_winner(judged, tmp_path, monkeypatch):
-    def row(design, label, _fine, _seed):
+def test_facing_rows_and_a_pad_have_no_winner_of_margin_and_depth(judged, tmp_path):
+    pad = preset("piacenza2017-pad")
+    figures = [figures_of(one, contiguous_score(one)) for one in (PAIR, pad)]
+    margins = [replace(one, margin=value) for one, value in zip(figures, (5.0, 9.0), strict=True)]
+    winners = {one.name: one.winner for one in comparing.measures_of(margins, margins)}
+    assert (winners["margin"], winners["depth"], winners["parts"]) == (None, None, 0)
+    assert next(one for one in comparing.measures_of(margins[1:], margins[1:])).winner == 0
+
+
+def test_an_undecided_verdict_makes_no_winner(tmp_path, monkeypatch):
+    def judge(design, **_):
         made = dead_score(design) if design.cavity.clear_thickness_mm > 8 else contiguous_score(design)
-        return sweep_row(design, label, replace(made, is_open=made.verdict == "DEADBAND"))
+        return replace(made, is_open=made.verdict == "DEADBAND")
 
-    monkeypatch.setattr(comparing, "_row", row)
+    monkeypatch.setattr(comparing, "_judged", judge)
     found = compared(tmp_path, PAIR, THICK)
     assert found.winner_of_verdict is None
     assert any("DEADBAND, undecided" in line for line in found.lines())
@@ -105,6 +136,9 @@ def test_a_lead_within_the_uncertainties_is_no_win():
     assert comparing._winner("lower", (1.0, 1.2), (0.08, 0.08)) == 0
     assert comparing._winner("higher", (1.0, 1.2, 1.2), (0.0, 0.0, 0.0)) is None
     assert comparing._winner("higher", (1.0, None), (0.0, 0.0)) is None
+    never = float("inf")  # not resolved
+    assert comparing._winner("lower", (never, 1.0), (0.0, 0.1)) == 1
+    assert comparing._winner("lower", (never, never), (0.0, 0.0)) is None
 
 
 def test_everything_is_written_into_the_first_designs_bundle(judged, tmp_path):

@@ -62,7 +62,7 @@ def test_verdict_and_usable_depth_are_equal_wherever_they_are_told(design: Senso
     found["sweep"] = (cells["verdict"], cells["usable_depth_mm"], cells["deadband_mm"])
     compared = compare([design, other], ["a", "b"], tmp_path, fine=False, seed=0, on_step=lambda *_: None)
     figures = {one.name: one.values[0] for one in compared.measures}
-    found["compare"] = (compared.rows[0].score["verdict"], figures["usable depth"], figures["deadband"])
+    found["compare"] = (compared.rows[0].score["verdict"], figures["usable"], figures["deadband"])
     searched = judge(design, (), wanted=("verdict", "usable_depth_mm"), accuracy="score")
     found["explore"] = (
         searched.verdict,

@@ -12,10 +12,12 @@ from fabrication.bundle import altered_files, bundle_name
 from optopad.cli import main
 from optopad.jobs import sweep as sweeping
 from optopad.jobs.sweep import marked, run_sweep
+from optopad.results.figures import TABLE_WIDTH, figures_of
 from optopad.results.sweep import Sweep
 from optopad.work import FinishedWork
 from sims.plots.sweep import plot_sweep
 from sims.score.sweep import SweepRow, disputed, sweep_row
+from tests.sims.made_up_bounds import made_up_bounds
 from tests.sims.made_up_scores import contiguous_score, dead_score, out_of_scope_score
 
 PAIR = preset("piacenza2017-pair")
@@ -58,31 +60,44 @@ def test_a_sweep_writes_table_and_figure_into_the_bundle(judged, tmp_path):
     assert list(tmp_path.iterdir()) == [made.folder]  # finished pieces are gone with the work
 
 
-def test_rows_hold_the_value_and_the_keys_of_a_score(judged, tmp_path):
+def test_rows_hold_the_value_the_keys_of_a_score_and_the_figures_of_the_screen(judged, tmp_path):
     document = swept(tmp_path, [8.0]).to_json()
     assert document["field"] == THICKNESS
-    assert {"value", "verdict", "deadband_mm", "mode_gap_mm", "continuity", "evenness", "strength"} <= set(
-        document["rows"][0]
-    )
+    score = {"value", "verdict", "deadband_mm", "mode_gap_mm", "continuity", "evenness", "strength"}
+    figures = {"margin_noise_units", "location_bound_mm", "depth_bound_mm", "detection_force_n"}
+    sizes = {"unresolved_share", "pressable_mm", "pressable_share", "outer_mm", "parts", "price"}
+    assert score | figures | sizes <= set(document["rows"][0])
     json.dumps(document, allow_nan=False)
 
 
-def test_table_file_and_figure_show_the_usable_depth_beside_the_deadband(tmp_path):
-    faded = replace(contiguous_score(PAIR), usable_depth_mm=3.1, usable_range_mm=(3.0, 3.2))
-    rows = (sweep_row(PAIR, 8.0, faded), sweep_row(PAIR, 9.0, out_of_scope_score(PAIR)))
-    made = Sweep(field=THICKNESS, rows=rows, taken_up=0, folder=tmp_path)
-    head, line, _ = made.lines()
-    assert "deadband mm    usable mm" in head
-    assert "CONTIGUOUS to 3.1 of 5 mm" in line
-    assert " 3.10 " in line
+def test_table_file_and_figure_show_what_varies(tmp_path, monkeypatch):
+    faded = replace(
+        contiguous_score(PAIR),
+        usable_depth_mm=3.1,
+        usable_range_mm=(3.0, 3.2),
+        margin=4.6,
+        bounds=made_up_bounds(PAIR),
+    )
+    scores = {8.0: faded, 9.0: out_of_scope_score(PAIR)}
+    monkeypatch.setattr(
+        sweeping, "_judged", lambda variant, *_, **__: scores[variant.cavity.clear_thickness_mm]
+    )
+    made = swept(tmp_path, [8.0, 9.0])
+    head, units, line, beyond, same, *rest = made.lines()
+    assert head.split() == f"{THICKNESS} verdict margin usable deadband location depth contact height".split()
+    assert units.split() == ["sigma", *["mm"] * 4, "N", "mm"]
+    assert "CONTIGUOUS to 3.1 of 5 mm  4.6     3.10" in line
+    assert "OUT_OF_MODEL_SCOPE         -" in beyond
+    assert same.startswith("the same for all: pressable 8 x 8 mm (16 %), outside 33 x 33 mm, parts 6, price")
+    assert any("press less deep" in reason for reason in rest)
+    assert max(map(len, made.lines()[:5])) <= TABLE_WIDTH
     written = list(csv.DictReader(made.to_csv().splitlines()))
     assert (written[0]["usable_depth_mm"], written[0]["usable_from_mm"]) == ("3.1", "3.0")
-    assert (written[0]["headline"], written[1]["headline"]) == (
-        "CONTIGUOUS to 3.1 of 5 mm",
-        "OUT_OF_MODEL_SCOPE",
-    )
+    assert (written[0]["margin_noise_units"], written[1]["margin_noise_units"]) == ("4.6", "")
+    assert (written[1]["outer_x_mm"], written[1]["parts"]) == ("33.0", "6")
+    assert [row["headline"] for row in written] == ["CONTIGUOUS to 3.1 of 5 mm", "OUT_OF_MODEL_SCOPE"]
     assert made.to_json()["rows"][0]["headline"] == "CONTIGUOUS to 3.1 of 5 mm"
-    panel = plot_sweep(THICKNESS, rows).axes[0]
+    panel = plot_sweep(THICKNESS, made.rows).axes[0]
     assert "CONTIGUOUS to 3.1" in panel.get_title(loc="left")
     marks = [line for line in panel.lines if line.get_gid() == "usable-depth"]
     assert [mark.get_xdata()[0] for mark in marks] == [3.1]
@@ -208,15 +223,16 @@ def test_loads_at_the_modes_carry_the_band_of_the_modulus(judged, tmp_path):
     assert (low / load, high / load) == pytest.approx((0.66, 1.49), rel=1e-3)  # the catalogue's band at 20:1
 
 
-def test_an_open_boundary_has_no_load(tmp_path, monkeypatch):
+def test_an_open_boundary_has_no_load(tmp_path):
     score = dead_score(PAIR)
     pair = score.pairs[0]
     modes = replace(pair.score.modes, mode2_mm=(None, None), gap_mm=None, gap_at_least_mm=4.0)
     never = replace(score, pairs=(replace(pair, score=replace(pair.score, modes=modes)), *score.pairs[1:]))
     row = sweep_row(PAIR, 12, never)
     assert row.forces_n["mode2_onset"] is None
-    sweep = Sweep(field=THICKNESS, rows=(row,), taken_up=0, folder=tmp_path)
-    assert "never" in sweep.lines()[1]
+    sweep = Sweep(
+        field=THICKNESS, rows=(row,), figures=(figures_of(PAIR, row.score),), taken_up=0, folder=tmp_path
+    )
     assert "None" not in sweep.to_csv()
 
 

@@ -21,6 +21,7 @@ from design.rules.check import check
 from design.shape.cavity import CavityGeometry, cavity_of, workspace_of
 from design.spec import SensorDesign
 from fabrication.driver.pattern import Problem
+from optopad.results.figures import figures_of
 from optopad.studio.drawings import QUANTITIES, curves_svg, map_svg, nearest_place, quantity, readings_svg
 from optopad.studio.live import LiveView
 from optopad.studio.live_results import LiveVerdict, Progress
@@ -371,11 +372,17 @@ def test_pins_stand_beside_the_design_with_figures_of_the_judged_ones() -> None:
     score = BOUNDED
     judged = LiveVerdict(digest=design.digest, level="score", score=score)
     html = pins_html([version(design, "as in the file")], version(other), {design.digest: judged})
-    assert html.count("<tr>") == 3
     words = Words(html)
     assert "as in the file" in words.titles
-    assert f"{score.deadband_total_mm:.2f}" in words.text
-    assert words.text.count("…") == 5
+    cells = figures_of(design, score).cells
+    assert html.count("<tr>") == 1 + len(cells)
+    assert all(cell.title in words.text and cell.text in words.text for cell in cells)
+    assert words.text.count("…") == 8  # of the design without a score; its size is known
+    assert "draft" not in words.text
+    drafted = replace(judged, level="draft")
+    assert (
+        "pin 1, draft" in Words(pins_html([version(design)], version(other), {design.digest: drafted})).text
+    )
     assert pins_html([], version(design), {}) == ""
 
 
