@@ -282,7 +282,7 @@ def summary_words(design: SensorDesign, score: ContinuityScore | None) -> str:
     # the last choice is the first to be shortened
     forms = [
         ", ".join(filter(None, (size, area, load, f"{found.parts} parts", price)))
-        for size, load, price, area in product([f"{outside} outside", outside], _loads(found), prices, areas)
+        for load, size, price, area in product(_loads(found), [f"{outside} outside", outside], prices, areas)
     ]
     return next((form for form in forms if len(form) <= SUMMARY_ROOM), forms[-1])
 
