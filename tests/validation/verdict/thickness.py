@@ -16,6 +16,7 @@ from textwrap import fill
 from typing import Literal
 
 from design.preset import preset
+from optopad.results.figures import figures_of
 from optopad.results.sweep import Sweep
 from sims.plots.style import plain_style, svg_text
 from sims.plots.sweep import plot_sweep
@@ -250,7 +251,9 @@ TAIL = (
 def write(rows: Sequence[SweepRow]) -> None:
     """Page, table and figure."""
     PAGE.write_text(page(rows), encoding="utf-8")
-    sweep = Sweep(field=PATH, rows=tuple(rows), taken_up=0, folder=DOCS)
+    designs = swept_designs(preset("piacenza2017-pair"), PATH, [row.value for row in rows])
+    figures = tuple(figures_of(design, row.score) for design, row in zip(designs, rows, strict=True))
+    sweep = Sweep(field=PATH, rows=tuple(rows), figures=figures, taken_up=0, folder=DOCS)
     TABLE.write_text(sweep.to_csv(), encoding="utf-8")
     with plain_style():
         FIGURE.write_text(svg_text(plot_sweep(PATH, rows), "thickness"), encoding="utf-8")
