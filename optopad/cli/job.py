@@ -23,6 +23,7 @@ def run(
 ) -> None:
     """Make mold, verdict, driver configuration and report of a design in one bundle."""
     from optopad.jobs.pipeline import run as make
+    from optopad.results.figures import summary_words
     from optopad.screen.verdict import (
         as_typed,
         checks_words,
@@ -39,12 +40,12 @@ def run(
         made = make(read, out, fine=fine, seed=seed, on_step=step)
     place = {"bundle": str(made.folder), "checks_ok": made.checks["ok"]}
     page, typed = labelled("report", str(made.folder / "report.html")), as_typed(design, set_)
-    mold = checks_words(made.checks)
+    mold, size = checks_words(made.checks), summary_words(read, made.score.found)
     tell(
         as_json,
         lambda: place | {"score": made.score.to_dict()},
         lambda: (
-            [*score_lines(made.score.found), labelled("mold", mold), page]
+            [*score_lines(made.score.found), labelled("size", size), labelled("mold", mold), page]
             if details
             else verdict_screen(
                 read,
@@ -53,6 +54,7 @@ def run(
                 command=typed,
                 is_built=True,
                 learner=learner_line(read, made.folder, typed),
+                size=size,
             )
         ),
     )

@@ -50,6 +50,7 @@ def score(
     """Report the verdict: modes, deadbands, continuity, strength and a map of the pad, written into the bundle."""
     drawn = _drawn_builds(tolerance, builds)
     from optopad.jobs.pipeline import write_score
+    from optopad.results.figures import summary_words
     from optopad.screen.verdict import as_typed, labelled, learner_line, score_lines, verdict_screen
 
     read = read_design(design, set_)
@@ -57,11 +58,12 @@ def score(
     with progress(quiet=as_json) as step:
         result, folder = write_score(read, out, fine=fine, full=full, seed=seed, on_step=step, builds=drawn)
     typed, files = as_typed(design, set_), labelled("files", str(folder))
+    size = summary_words(read, result)
     tell(
         as_json,
         result.to_json,
         lambda: (
-            [*score_lines(result), files]
+            [*score_lines(result), labelled("size", size), files]
             if details
             else verdict_screen(
                 read,
@@ -69,6 +71,7 @@ def score(
                 [files],
                 command=typed,
                 learner=learner_line(read, folder, typed),
+                size=size,
             )
         ),
     )

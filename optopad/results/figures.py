@@ -94,7 +94,7 @@ class PadFigures:
     ----------
     name, digest : the design's name and content hash
     pressable_mm : length and width of the area that may be pressed [mm]
-    pressable_share : this area as a share of the pad's area [-]
+    pressable_mm2, pressable_share : this area, and its share of the pad's area [-]
     outer_mm : length, width and height of the sensor in its mold [mm]
     parts : number of emitters and receivers
     bill : sum of the bill of materials
@@ -109,11 +109,13 @@ class PadFigures:
     detection_n : load from which a press is detected at the worst location [N]
     deepest_n : load of the deepest press in the middle [N], with the ends of the elastic modulus's band
     unresolved : share of the volume in which x, y and depth are not resolved together [-]; None for facing rows
+    unresolved_step : largest share that one computed location and depth represents [-]
     """
 
     name: str
     digest: str
     pressable_mm: tuple[float, float]
+    pressable_mm2: float
     pressable_share: float
     outer_mm: tuple[float, float, float]
     parts: int
@@ -129,6 +131,7 @@ class PadFigures:
     detection_n: Band | None = None
     deepest_n: Band | None = None
     unresolved: float | None = None
+    unresolved_step: float = 0.0
 
     @property
     def cells(self) -> tuple[FigureCell, ...]:
@@ -147,6 +150,7 @@ class PadFigures:
                 text=share_text(self.unresolved),
                 better="lower",
                 value=self.unresolved,
+                error=self.unresolved_step,
             ),
             *self.of_size,
         )
@@ -162,7 +166,7 @@ class PadFigures:
                 unit="mm",
                 text=f"{_sizes(self.pressable_mm)} ({share_text(self.pressable_share)} %)",
                 better="higher",
-                value=math.prod(self.pressable_mm),
+                value=self.pressable_mm2,
             ),
             FigureCell(
                 name="outside",
@@ -254,6 +258,7 @@ def figures_of(design: SensorDesign, score: ContinuityScore | Mapping[str, Any] 
         detection_n=None if bounds is None else _detection(bounds["detection"]),
         deepest_n=None if force is None else _as_band(force[name][-1] for name in LOADS),
         unresolved=None if bounds is None or is_facing else bounds["unresolved_share"],
+        unresolved_step=0.0 if bounds is None else _voxel_share(design, bounds),
         bill=bill_sum(bom_rows(design, gain_of(found))),
         **_of_design(design),
     )
@@ -357,6 +362,7 @@ def _of_design(design: SensorDesign) -> dict[str, Any]:
         "digest": design.digest,
         "deepest_mm": design.operating.max_depth_mm,
         "pressable_mm": (_rounded(space.x1_mm - space.x0_mm), _rounded(space.y1_mm - space.y0_mm)),
+        "pressable_mm2": space.area_mm2,
         "pressable_share": _rounded(space.area_mm2 / cavity.plan.outline.area_mm2),
         "outer_mm": tuple(
             map(_rounded, (mold.outer_length_mm, mold.outer_width_mm, top_mm - mold.bottom_mm))
@@ -377,6 +383,17 @@ def share_text(share: float | None) -> str:
     if share is None:
         return "-"
     return "<1" if 0.0 < share < LEAST_SHARE else f"{100 * share:.0f}"
+
+
+def _voxel_share(design: SensorDesign, bounds: Mapping[str, Any]) -> float:
+    """Largest share of the volume that one computed location and depth represents [-]."""
+    from sims.bounds.observability import depth_weights
+
+    space = cavity_of(design).workspace
+    box_mm2 = (space.x1_mm - space.x0_mm) * (space.y1_mm - space.y0_mm)
+    filled = space.area_mm2 / box_mm2 if box_mm2 > 0.0 else 1.0
+    locations = len(bounds["x_mm"]) * len(bounds["y_mm"]) * filled
+    return float(max(depth_weights(bounds["depth_mm"], design.operating.max_depth_mm)) / locations)
 
 
 def _loads(found: PadFigures) -> list[str]:

@@ -11,6 +11,7 @@ from design.errors import InputError
 from design.fields.finding import Finding
 from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
+from optopad.results.figures import summary_words
 from optopad.results.shown import WIDTH_IN, block, drawn, picture, table
 from optopad.screen.verdict import checks_line, verdict_screen
 from optopad.screen.verdict_sentences import counted, sentences_of
@@ -166,7 +167,8 @@ class Score(KeyFigures):
         return drawn(lambda own: plot_tolerance(band, own), ax, 1.2 + 0.3 * len(band.rows))
 
     def __repr__(self) -> str:
-        return "\n".join(verdict_screen(self.design, self.found, ()))
+        size = summary_words(self.design, self.found)
+        return "\n".join(verdict_screen(self.design, self.found, (), size=size))
 
     def _repr_html_(self) -> str:
         said = sentences_of(self.design, self.found)

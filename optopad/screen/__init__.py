@@ -1,4 +1,4 @@
 """The sentences of a verdict: the lines in the terminal, and the sentences that the report shares with them.
 
-Imports within this repository: design, sims, results.figures, work.
+Imports within this repository: design, sims, work.
 """

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 from design.circuit.pins import board_of, faster_boards, frame_rate_hz
 from design.spec import SensorDesign
 from optopad.prediction_cost import STEM, quick_prediction_s
-from optopad.results.figures import summary_words
 from optopad.screen.verdict_sentences import (
     at_mm,
     command_words,
@@ -57,6 +56,7 @@ def verdict_screen(
     command: str = "",
     is_built: bool = False,
     learner: str = "",
+    size: str = "",
 ) -> list[str]:
     """Lines of a verdict: cause or margin, confidence, resolution, errors of a learner, warnings, the next command.
 
@@ -66,6 +66,7 @@ def verdict_screen(
     command : the design and its changes as typed on the command line; if empty, the next command is not shown
     is_built : whether the bundle already contains mold and report
     learner : sentence on a learner's predicted errors from `learner_line`, shown if there is room
+    size : line on size, loads, parts and price from `summary_words`
     """
     said = sentences_of(design, score)
     head = [
@@ -74,7 +75,7 @@ def verdict_screen(
     ]
     figures = [*row("confidence", said.confidence, 2), *row("resolution", said.resolution, 2)]
     onward = _next(score, command, said.fix, is_built=is_built) if command else ""
-    foot = [*row("size", summary_words(design, score)), *closing, *row("next", onward, 2)]
+    foot = [*row("size", size), *closing, *row("next", onward, 2)]
     left = LINES - len(head) - len(figures) - len(foot) - 1
     head += [*row("cause" if score.causes else "margin", said.why, max(left, 2)), *figures]
     reached = row("learner", learner, 2) if said.resolution and not score.is_facing_rows else []

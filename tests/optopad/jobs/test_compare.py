@@ -87,7 +87,7 @@ def test_a_figure_wins_by_more_than_its_own_error_and_the_seeds(tmp_path, monkey
             usable_range_mm=between_mm,
             margin=(9.0 if thick else 5.0) + 1.5 * seed,
         )
-        return made if verdict_only else replace(made, bounds=made_up_bounds(design))
+        return made if verdict_only else replace(made, bounds=made_up_bounds(design), is_facing_rows=False)
 
     monkeypatch.setattr(comparing, "_judged", judge)
     found = compared(tmp_path, PAIR, THICK)
@@ -96,6 +96,7 @@ def test_a_figure_wins_by_more_than_its_own_error_and_the_seeds(tmp_path, monkey
     assert measures["usable"].uncertainty == pytest.approx((0.3, 0.1))
     assert (measures["margin"].winner, measures["margin"].uncertainty) == (1, (1.5, 1.5))
     assert measures["location"].winner is None  # equal
+    assert measures["unresolved"].uncertainty[0] > 0.01  # one location and depth of the map
     assert measures["location"].uncertainty[0] > 0  # its own error, though the second seed has no bounds
     lines = found.lines()
     assert lines[:2] == [

@@ -87,8 +87,7 @@ def test_the_errors_of_a_learner_are_below_the_bound_of_a_pad_and_of_nothing_els
         (replace(contiguous_score(PAIR), bounds=made_up_bounds(PAD)), False),
         (out_of_scope_score(PAD), False),
     ):
-        design = PAIR if score.is_facing_rows else PAD
-        lines = verdict_screen(design, score, [], learner=words)
+        lines = verdict_screen(PAD, score, [], learner=words)
         labels = [line.split()[0] for line in lines if not line.startswith(" ")]
         assert ("learner" in labels) == is_shown
         if is_shown:
