@@ -238,7 +238,7 @@ TAIL = (
     "## Made by",
     "",
     "`python -m tests.validation.verdict.thickness`: two and a half minutes of one core with nothing cached, a",
-    "third of it compilation. The same sweep:",
+    "third of it compilation. The same sweep with bounds, which takes several times as long:",
     "",
     "```console",
     "$ optopad sweep piacenza2017-pair cavity.clear_thickness_mm=6:12:0.5",
