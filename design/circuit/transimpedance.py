@@ -39,7 +39,7 @@ from design.circuit.amplifier import (
 from design.circuit.emitter_switch import CurrentSink, current_sink, emitter_switch
 from design.circuit.pins import adc_bits, board_of, converter_of, full_scale_v
 from design.errors import DesignError
-from design.fields.finding import Finding, error, warning
+from design.fields.finding import FAILS, Finding, error, warning
 from design.fields.quantity import Quantity, weakest
 from design.parts.assumptions import (
     E12,
@@ -292,6 +292,7 @@ def settling_findings(
             f"the input filter of {converter.name} does not settle, so readings lag behind the light",
             value=f"{settle_us:g} us",
             limit=f"more than {math.ceil(filter_us)} us, and the amplifiers' settling in addition",
+            weight=FAILS,
             way_out="raise it, or name a converter without an input filter, as mcp3208",
         )
         return
@@ -309,6 +310,7 @@ def settling_findings(
             f"the amplifiers of {' '.join(name for _, name in late)} do not settle, so readings lag behind the light",
             value=f"{settle_us:g} us",
             limit=f"at least {math.ceil(max(late)[0] + filter_us)} us",
+            weight=FAILS,
             way_out=f"raise it, {faster}or lower {lower}",
         )
     if feedbacks:

@@ -8,6 +8,10 @@ from typing import Literal
 from design.errors import readable
 
 Severity = Literal["error", "warning", "note"]
+OUT_OF_SCOPE, FAILS, USUAL = 3, 2, 1
+"""Weights of a finding or warning: the models give no verdict; the pad or its figures fail; most."""
+NO_VERDICT = ", so the verdict will be OUT_OF_MODEL_SCOPE"
+"""End of the message of a finding that prevents a verdict."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,6 +29,7 @@ class Finding:
     limit : the limit of the value, with its unit
     message : description of the problem in one sentence
     way_out : change of the design that solves the problem
+    weight : `OUT_OF_SCOPE`, `FAILS` or `USUAL`; screens show findings of larger weight first
     """
 
     severity: Severity
@@ -33,6 +38,7 @@ class Finding:
     limit: str
     message: str
     way_out: str
+    weight: int = USUAL
 
     def __str__(self) -> str:
         return readable(f"{self.field}: {self.message} ({self.value}; needs {self.limit}); {self.way_out}")
@@ -50,7 +56,9 @@ def error(field: str, message: str, *, value: object, limit: object, way_out: st
     )
 
 
-def warning(field: str, message: str, *, value: object, limit: object, way_out: str) -> Finding:
+def warning(
+    field: str, message: str, *, value: object, limit: object, way_out: str, weight: int = USUAL
+) -> Finding:
     """Make a finding of severity `warning`, which prevents neither manufacture nor simulation of the design."""
     return Finding(
         severity="warning",
@@ -59,6 +67,14 @@ def warning(field: str, message: str, *, value: object, limit: object, way_out: 
         limit=str(limit),
         message=message,
         way_out=way_out,
+        weight=weight,
+    )
+
+
+def outside_models(field: str, message: str, *, value: object, limit: object, way_out: str) -> Finding:
+    """Make a warning that the models give no verdict on the design, which can nevertheless be manufactured."""
+    return warning(
+        field, message + NO_VERDICT, value=value, limit=limit, way_out=way_out, weight=OUT_OF_SCOPE
     )
 
 

@@ -40,7 +40,7 @@ from design.circuit.pins import (
     switch_pins,
 )
 from design.circuit.transimpedance import gain_findings, settling_findings
-from design.fields.finding import Finding, error, note, warning
+from design.fields.finding import FAILS, Finding, error, note, warning
 from design.parts.board_firmware import ArduinoProgram, BoardFirmware
 from design.parts.catalog import Board
 from design.shape.cavity import PlacedPart, cavity_of
@@ -322,6 +322,7 @@ def _switch_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
                 f"the supply cannot light {placed.part_id}",
                 value=f"a forward voltage of {switch.forward_v.value:g} V",
                 limit=f"less than the supply's {supply_v:g} V",
+                weight=FAILS,
                 way_out="use a higher supply for the emitters, or another part",
             )
         yield from _transistor_findings(design, placed)
@@ -332,6 +333,7 @@ def _switch_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
                 f"{driver} gives too much current to switch {placed.part_id} by a bipolar transistor",
                 value=f"{switch.base_current_ma:.1f} mA",
                 limit=f"at most {most_ma:g} mA",
+                weight=FAILS,
                 way_out="use a logic-level MOSFET or a driver instead, or a part with less max_current_ma",
             )
 

@@ -7,11 +7,11 @@ report lists them (`design.spec.properties.used_values`).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
-from design.errors import DesignError
+from design.errors import DesignError, ModelScopeError
 from design.fields.base import leaves
-from design.fields.finding import Finding, warning
+from design.fields.finding import NO_VERDICT, OUT_OF_SCOPE, Finding, warning
 from design.mold.label import label_findings
 from design.rules.board import board_findings, circuit_findings
 from design.rules.finish import angle_findings, finish_findings
@@ -34,14 +34,14 @@ from design.spec.layout import MAX_PER_KIND, Placement, expand
 from design.spec.properties import entries_of
 from design.spec.tolerances import tolerance_findings
 
-__all__ = ["Finding", "check", "notes", "require_valid"]
+__all__ = ["Finding", "check", "notes", "require_scope", "require_valid"]
 
 SMALLEST_LENGTH_MM = 0.01
 """Smallest plausible length: no printer, mold or caliper resolves less, and the value was probably given in metres."""
 
 
 def check(design: SensorDesign) -> tuple[Finding, ...]:
-    """All errors and warnings about a design, errors first.
+    """All errors and warnings about a design: errors first, then those of largest weight.
 
     The rules about locations of parts are left out if the layout has too many: their time grows with the square of the
     number of parts.
@@ -68,7 +68,12 @@ def check(design: SensorDesign) -> tuple[Finding, ...]:
         found += tolerance_findings(design)
         found += _geometry_findings(design, counts)
         found += circuit_findings(design, board) if board is not None and all(counts) else ()
-    return tuple(sorted(found, key=lambda finding: finding.severity != "error"))
+    return by_weight(found)
+
+
+def by_weight(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Findings in the order in which they are shown: errors first, then those of largest weight."""
+    return tuple(sorted(findings, key=lambda finding: (finding.severity != "error", -finding.weight)))
 
 
 def notes(design: SensorDesign) -> tuple[Finding, ...]:
@@ -86,6 +91,18 @@ def require_valid(design: SensorDesign) -> None:
     errors = [str(finding) for finding in check(design) if finding.severity == "error"]
     if errors:
         raise DesignError(f"{design.name}: not a usable design\n" + "\n".join(f"  {line}" for line in errors))
+
+
+def require_scope(design: SensorDesign) -> None:
+    """Refuse a design on which the models give no verdict, before anything is computed.
+
+    Raises
+    ------
+    ModelScopeError : a finding says so; the message has value, limit and way out.
+    """
+    outside = [str(one) for one in check(design) if one.weight == OUT_OF_SCOPE]
+    if outside:
+        raise ModelScopeError(outside[0].replace(NO_VERDICT, ""))
 
 
 def _geometry_findings(design: SensorDesign, counts: tuple[int, int]) -> Iterator[Finding]:

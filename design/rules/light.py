@@ -13,16 +13,17 @@ from collections.abc import Iterator
 import numpy as np
 
 from design.errors import DesignError
-from design.fields.finding import Finding, error, mm, warning
+from design.fields.finding import Finding, error, mm, outside_models, warning
 from design.fields.quantity import ROUNDING_MM
 from design.rules.shape import (
     CROWNED_LAYER_RANGE,
-    DEEPEST_PRESS,
     LARGEST_SHARE_OF_LAYER,
     LAYER_DEPTH_RANGE,
+    LEAST_PRESS_MM,
     LIBRARY_LAYER_RANGE,
     NEAREST_WALL,
     deepest_modelled_mm,
+    deepest_of_tip,
     thinnest_elastic_mm,
 )
 from design.shape.cavity import (
@@ -140,10 +141,9 @@ def workspace_findings(design: SensorDesign, cavity: CavityGeometry) -> Iterator
         )
     nearest = (NEAREST_WALL - 1.0) * radius + SURROUND_MM
     if margin < nearest - ROUNDING_MM:
-        yield warning(
+        yield outside_models(
             "operating.workspace_margin_mm",
-            "presses at its border are nearer to a wall than the contact model covers, so the verdict will be "
-            "OUT_OF_MODEL_SCOPE",
+            "presses at its border are nearer to a wall than the contact model covers",
             value=mm(margin),
             limit=f"at least {mm(nearest)}: the axis {NEAREST_WALL:g} tip radii from a wall, and {SURROUND_MM:g} mm",
             way_out="raise it, or use a smaller indenter.tip_radius_mm",
@@ -166,10 +166,9 @@ def _crowned_layer_findings(design: SensorDesign) -> Iterator[Finding]:
     if math.isnan(thinnest):
         return  # the crown does not reach the workspace's border, which another finding covers
     if not (low - ROUNDING_MM <= thinnest and thickest <= high + ROUNDING_MM):
-        yield warning(
+        yield outside_models(
             "cavity.clear_thickness_mm",
-            "both layers together are outside the contact model of crowned pads, so the verdict will be "
-            "OUT_OF_MODEL_SCOPE",
+            "both layers together are outside the contact model of crowned pads",
             value=f"{mm(thinnest)} at the border of the workspace, {mm(thickest)} at the highest point",
             limit=f"{mm(low)} to {mm(high)}: {CROWNED_LAYER_RANGE[0]:.3g} to {CROWNED_LAYER_RANGE[1]:g} tip radii",
             way_out="change it, cavity.black_thickness_mm or indenter.tip_radius_mm, or raise crown.radius_mm",
@@ -180,9 +179,9 @@ def _layer_findings(design: SensorDesign) -> Iterator[Finding]:
     elastic, tip = thinnest_elastic_mm(design), design.indenter.tip_radius_mm
     thinnest, thickest = (radii * tip for radii in LAYER_DEPTH_RANGE)
     if not thinnest - ROUNDING_MM <= elastic <= thickest + ROUNDING_MM:
-        yield warning(
+        yield outside_models(
             "cavity.clear_thickness_mm",
-            "both layers together are outside the contact model, so the verdict will be OUT_OF_MODEL_SCOPE",
+            "both layers together are outside the contact model",
             value=f"{mm(elastic)} elastic depth",
             limit=f"{mm(thinnest)} to {mm(thickest)}: {LAYER_DEPTH_RANGE[0]:g} to {LAYER_DEPTH_RANGE[1]:g} tip radii",
             way_out="change it, cavity.black_thickness_mm or indenter.tip_radius_mm",
@@ -205,21 +204,31 @@ def _layer_findings(design: SensorDesign) -> Iterator[Finding]:
 def _press_findings(design: SensorDesign) -> Iterator[Finding]:
     depth, clear = design.operating.max_depth_mm, design.cavity.clear_thickness_mm
     scope = deepest_modelled_mm(design)
-    if depth > clear + ROUNDING_MM:
+    if depth > clear - ROUNDING_MM:
         yield error(
             "operating.max_depth_mm",
-            "the deepest press is deeper than the clear layer",
+            "the deepest press goes through the clear layer",
             value=f"{depth:g} mm",
-            limit=f"at most cavity.clear_thickness_mm = {clear:g} mm",
+            limit=f"less than cavity.clear_thickness_mm = {clear:g} mm",
             way_out="lower it, or thicken the layer",
         )
-    elif depth > scope + ROUNDING_MM:
-        yield warning(
+    elif depth < LEAST_PRESS_MM:
+        yield outside_models(
             "operating.max_depth_mm",
-            "the deepest press is outside the contact model, so the verdict will be OUT_OF_MODEL_SCOPE",
+            "the deepest press is less than a deadband's least length",
             value=f"{depth:g} mm",
-            limit=f"at most {mm(scope)}: {LARGEST_SHARE_OF_LAYER:g} x elastic depth and {DEEPEST_PRESS:g} x tip radius",
-            way_out="lower it, thicken the layers, or use a larger indenter.tip_radius_mm",
+            limit=f"at least {LEAST_PRESS_MM:g} mm",
+            way_out="raise it",
+        )
+    elif depth > scope + ROUNDING_MM:
+        yield outside_models(
+            "operating.max_depth_mm",
+            "the deepest press is outside the contact model",
+            value=f"{depth:g} mm",
+            limit=f"at most {mm(scope)}: {LARGEST_SHARE_OF_LAYER:g} x elastic depth and "
+            f"{deepest_of_tip(design):g} x tip radius",
+            way_out="lower it, thicken the layers, use a larger indenter.tip_radius_mm"
+            + (", or a larger indenter.edge_radius_mm" if design.indenter.shape == "flat_punch" else ""),
         )
 
 
@@ -310,8 +319,8 @@ def _off_chord_findings(cavity: CavityGeometry) -> Iterator[Finding]:
     if beside:
         yield warning(
             "operating.workspace_margin_mm",
-            f"the workspace does not reach the chords of {', '.join(name for _, name in beside)}; "
-            "they are judged under a press next to their chord",
+            f"{', '.join(name for _, name in beside)} are judged by presses next to their chord, which the workspace "
+            "does not reach",
             value=f"{mm(max(shift for shift, _ in beside))} from the chord",
             limit="a press on the chord",
             way_out="lower the margin, lower layout pitch_mm, or judge by the other pairs",

@@ -16,7 +16,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from design.errors import DesignError
-from design.fields.finding import Finding, error, mm, note, warning
+from design.fields.finding import FAILS, Finding, error, mm, note, warning
 from design.fields.quantity import ROUNDING_MM
 from design.mold.filling import is_cast_under_lid
 from design.mold.outline import MoldOutline, outline_of
@@ -220,6 +220,7 @@ def _cure_findings(design: SensorDesign) -> Iterator[Finding]:
             "platinum silicones do not cure against many printed resins: the pad may stay tacky",
             value=f"'{design.mold.material}'",
             limit="a filament print, or a resin that a test piece has cured on",
+            weight=FAILS,
             way_out="print in filament, or wash, post-cure and coat the mold and try some silicone on it first",
         )
 

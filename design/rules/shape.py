@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from design.fields.finding import Finding, error, mm, warning
+from design.fields.finding import Finding, error, mm, outside_models
 from design.fields.quantity import ROUNDING_MM
 from design.mold.filling import (
     INSET_MM,
@@ -25,12 +25,22 @@ from design.mold.filling import (
 from design.mold.outline import outline_of
 from design.shape.cavity import Plan, cavity_of, part_half_width_mm, plan_of, workspace_of
 from design.spec import SensorDesign
+from design.spec.indenter import tip_outline
 from design.spec.layout import expand
 
 LARGEST_SHARE_OF_LAYER = 0.8
 """Deepest press that the contact model covers, as a share of the layers' total thickness (clear and black) [-]."""
+LEAST_PRESS_MM = 0.3
+"""Least deepest press on which a verdict is possible: the least length of a deadband [mm]."""
 DEEPEST_PRESS = 1.7
 """Deepest press that the contact model covers [tip radii]."""
+DEEPEST_PUNCH = 0.65
+"""Deepest press of a flat punch with a sharp edge that the contact model covers [tip radii].
+
+In a layer of 2.4 tip radii, the solved surface enters the edge by more than 0.02 tip radii from a depth of 0.7 on.
+"""
+SHARP_EDGE = 0.2
+"""Radius of a flat punch's edge below which `DEEPEST_PUNCH` holds: two spacings of the contact mesh [tip radii]."""
 LIBRARY_LAYER_RANGE = (1.3, 6.0)
 """Elastic depths (total thickness of clear and black layer) in the packaged contact library [tip radii]."""
 CROWNED_LAYER_RANGE = (DEEPEST_PRESS / LARGEST_SHARE_OF_LAYER, 6.0)
@@ -45,8 +55,21 @@ NEAREST_WALL = 1.5
 
 The loads that represent a press in the contact model extend this far.
 """
+NARROW = 5.0
+"""Width of a pad below which the walls may change a hemisphere's presses too much for the contact model [tip radii]."""
 LARGEST_CROWN = 0.25
 """Largest ratio of tip radius to crown radius that the contact model covers [-]."""
+LARGEST_REACH = 0.8
+"""Largest radius of a crowned pad that the contact model covers, over the crown's radius [-]."""
+LEAST_RIM_SHARE = 0.15
+"""Least thickness of the elastic layer at the rim of a crowned pad, over that at the apex [-].
+
+The mesh has as many layers of elements at the rim as at the apex, so they become thin there.
+"""
+WALL_RADIUS_RANGE = (3.76126389, 7.5)
+"""Range of the solved round pads' radii [tip radii]. With a 3 mm tip, it covers the areas of square pads of 20 to
+40 mm. From 6.0 to 7.5, the force at a depth of 1 tip radius falls by only 1 %.
+"""
 
 
 def thinnest_elastic_mm(design: SensorDesign) -> float:
@@ -64,8 +87,26 @@ def thinnest_elastic_mm(design: SensorDesign) -> float:
 def deepest_modelled_mm(design: SensorDesign) -> float:
     """Deepest press that the contact model covers for a design [mm]."""
     return min(
-        LARGEST_SHARE_OF_LAYER * thinnest_elastic_mm(design), DEEPEST_PRESS * design.indenter.tip_radius_mm
+        LARGEST_SHARE_OF_LAYER * thinnest_elastic_mm(design),
+        deepest_of_tip(design) * design.indenter.tip_radius_mm,
     )
+
+
+def is_wide(design: SensorDesign) -> bool:
+    """Whether the walls change presses as little as the contact model covers, without a computation.
+
+    A hemisphere's presses change by 17 % of their depth at most; other pads than flat rectangles have no such limit.
+    """
+    plan, tip = plan_of(design), design.indenter
+    narrow = min(plan.length_mm, plan.width_mm) < NARROW * tip.tip_radius_mm
+    return not plan.is_block or (tip.shape == "hemisphere" and not narrow)
+
+
+def deepest_of_tip(design: SensorDesign) -> float:
+    """Deepest press that the contact model covers for the shape of a design's tip [tip radii]."""
+    tip = design.indenter
+    is_sharp = tip.shape == "flat_punch" and tip_outline(tip)[-1].radius < SHARP_EDGE * tip.tip_radius_mm
+    return DEEPEST_PUNCH if is_sharp else DEEPEST_PRESS
 
 
 STEEPEST_RIM_DEG = 60.0
@@ -236,15 +277,7 @@ def _filling_findings(plan: Plan, size_field: str) -> Iterator[Finding]:
 
 def _press_findings(design: SensorDesign, plan: Plan) -> Iterator[Finding]:
     space, depth = workspace_of(design), design.operating.max_depth_mm
-    tip, bend_mm = design.indenter.tip_radius_mm, plan.top.radius_mm
-    if tip / bend_mm > LARGEST_CROWN + ROUNDING_MM:
-        yield warning(
-            "indenter.tip_radius_mm",
-            "the crown is more curved than the contact model covers, so the verdict will be OUT_OF_MODEL_SCOPE",
-            value=f"{tip:g} mm on a crown of {bend_mm:g} mm",
-            limit=f"at most {LARGEST_CROWN:g} of the crown's radius",
-            way_out="use a smaller tip, or raise crown.radius_mm",
-        )
+    yield from _crowned_contact_findings(design, plan)
     if space.is_empty:
         return
     corner = space.clamped(0.0, 0.0)
@@ -256,4 +289,52 @@ def _press_findings(design: SensorDesign, plan: Plan) -> Iterator[Finding]:
             value=f"{depth:g} mm",
             limit=f"at most {mm(there)} at x {corner[0]:.3g}, y {corner[1]:.3g} mm",
             way_out="lower it, raise operating.workspace_margin_mm, or thicken the layer",
+        )
+
+
+def _crowned_contact_findings(design: SensorDesign, plan: Plan) -> Iterator[Finding]:
+    """Findings that the contact model does not cover this tip, curvature, reach or rim of a crowned pad."""
+    tip, bend = design.indenter.tip_radius_mm, plan.top.mean_curvature
+    if design.indenter.shape != "hemisphere":
+        yield outside_models(
+            "indenter.shape",
+            "only a hemisphere is pressed into a crowned pad",
+            value=f"'{design.indenter.shape}'",
+            limit="'hemisphere'",
+            way_out="use one, or leave the crown out",
+        )
+    if tip * bend > LARGEST_CROWN + ROUNDING_MM:
+        yield outside_models(
+            "indenter.tip_radius_mm",
+            "the crown is more curved than the contact model covers",
+            value=f"{tip:g} mm on a crown of {1.0 / bend:g} mm mean radius",
+            limit=f"at most {LARGEST_CROWN:g} of the crown's radius",
+            way_out="use a smaller tip, or raise crown.radius_mm",
+        )
+        return
+    low, high = (radii * tip for radii in WALL_RADIUS_RANGE)
+    wall = min(max(math.sqrt(plan.area_mm2 / math.pi), low), high)
+    reach = wall * bend
+    if reach > LARGEST_REACH + 1e-9:
+        yield outside_models(
+            "crown.radius_mm",
+            "the crown is steeper at the wall than the contact model covers",
+            value=f"{1.0 / bend:.2f} mm mean radius over a reach of {mm(wall)}",
+            limit=f"at least {mm(wall / LARGEST_REACH)}",
+            way_out="raise it, use a smaller pad, or a smaller indenter.tip_radius_mm where the pad is narrower than "
+            f"{2.0 * low:.3g} mm",
+        )
+        return
+    fall = bend * wall**2 / (1.0 + math.sqrt(1.0 - reach**2))
+    corner = workspace_of(design).clamped(0.0, 0.0)
+    elastic = design.cavity.clear_thickness_mm + design.cavity.black_thickness_mm
+    thinnest = float((elastic - plan.top.sag_mm(*corner)) / plan.top.normal(*corner)[2])
+    if not thinnest - fall >= LEAST_RIM_SHARE * thinnest:
+        yield outside_models(
+            "crown.radius_mm",
+            "the layer at the rim of the crown is thinner than the contact model covers",
+            value=f"the crown falls by {mm(fall)} to the wall",
+            limit=f"at most {mm((1.0 - LEAST_RIM_SHARE) * thinnest)}, {1.0 - LEAST_RIM_SHARE:.0%} of both layers at "
+            "the border of the workspace",
+            way_out="raise it, thicken the layers, or use a smaller pad",
         )

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from design.errors import InputError
+from design.errors import DesignError, InputError, ModelScopeError
 from design.preset import PRESETS
 from optopad.cli import options
 from optopad.cli.interrupts import answered
@@ -20,6 +20,7 @@ from optopad.cli.output import print_json, progress, say, tell
 from optopad.work import read_design
 
 if TYPE_CHECKING:
+    from design.fields.finding import Finding
     from design.spec import SensorDesign
     from optopad.studio.live import LiveSensor
     from optopad.studio.session import Session
@@ -72,34 +73,46 @@ def check(
     """Check whether a design can be made and can work; the exit code is 2 if a finding is an error."""
     from dataclasses import asdict
 
+    from design.rules.check import by_weight, notes
     from design.rules.check import check as findings_of
-    from design.rules.check import notes
     from optopad.results.figures import summary_words
     from optopad.screen.verdict import as_typed, findings_screen, rate_words
-    from optopad.screen.verdict_sentences import counted
 
     read = read_design(design, set_)
-    findings = findings_of(read)
+    findings = by_weight((*_contact_findings(read), *findings_of(read)))
     errors = [finding for finding in findings if finding.severity == "error"]
-    total = f"{read.name}: {counted(len(errors), 'error')}, {counted(len(findings) - len(errors), 'warning')}"
     findings = findings if errors else (*findings, *notes(read))
     tell(
         as_json,
         lambda: {"name": read.name, "digest": read.digest, "findings": [asdict(f) for f in findings]},
-        lambda: (
-            [*map(str, findings), total]
-            if details
-            else findings_screen(
-                read.name,
-                findings,
-                command=f"score {as_typed(design, set_)}",
-                rate="" if errors else rate_words(read),
-                size="" if errors else summary_words(read, None),
-            )
+        lambda: findings_screen(
+            read.name,
+            findings,
+            command=f"score {as_typed(design, set_)}",
+            rate="" if errors else rate_words(read),
+            size="" if errors else summary_words(read, None),
+            details=details,
         ),
     )
     if errors:
         raise typer.Exit(2)
+
+
+def _contact_findings(design: SensorDesign) -> Iterator[Finding]:
+    """Findings of the contact model, whose libraries are not loaded for a hemisphere on a pad of ordinary size."""
+    from design.rules.check import require_scope, require_valid
+    from design.rules.shape import is_wide
+
+    if is_wide(design):
+        return
+    try:
+        require_valid(design)
+        require_scope(design)
+    except (DesignError, ModelScopeError):
+        return
+    from sims.contact.indentation import wall_findings
+
+    yield from wall_findings(design)
 
 
 def schema(

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from design.errors import ModelScopeError
 from design.progress import OnStep
 from optopad.screen.stages import STAGE_TITLES
 from sims.compiling import compiling_told
@@ -55,11 +56,16 @@ def foretell_score(
     DesignError : the design breaks a rule; nothing is printed.
     """
     from design.rules.check import require_valid
+    from sims.contact.indentation import require_covered
     from sims.score.scoring import score_cost
 
     require_valid(design)
     if quiet:
         return
+    try:
+        require_covered(design)
+    except ModelScopeError:
+        return  # it ends at once
     cost = score_cost(design, fine=fine, full=full, is_run=is_run)
     if said := cost.sentence(os.cpu_count() or 1):
         print(said, file=sys.stderr, flush=True)

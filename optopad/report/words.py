@@ -30,7 +30,7 @@ from string import Template
 from typing import Any
 
 from design.spec import SensorDesign
-from optopad.screen.verdict_sentences import counted, sentences_of, signed, spans
+from optopad.screen.verdict_sentences import counted, no_fix_words, sentences_of, signed, spans
 from sims.bounds.observability import BoundFigure, PadBounds
 from sims.score.result import ContinuityScore, JudgedPair, Verdict
 from sims.verdict.builds import BuildStudy
@@ -459,9 +459,12 @@ def banner(design: SensorDesign, score: ContinuityScore) -> Html:
     )
     after = said.verdict.removeprefix(score.verdict).lstrip(":, ")
     lines = [element("p", _sentence(after), class_="meaning")]
-    why = said.why if score.causes or not said.why else f"margin: {said.why}"
-    resolution = f"resolution: {said.resolution}" if said.resolution else ""
-    lines += [element("p", _sentence(text)) for text in (why, said.fix, said.confidence, resolution) if text]
+    margin, resolution = (
+        f"{label}: {text}" if text else ""
+        for label, text in (("margin", said.margin), ("resolution", said.resolution))
+    )
+    shown = (said.why, no_fix_words(score.trial), said.fix, margin, said.confidence, resolution)
+    lines += [element("p", _sentence(text)) for text in shown if text]
     if score.verdict != "OUT_OF_MODEL_SCOPE":
         lines.append(element("p", RULE, class_="note"))
     rests = rests_on(score)

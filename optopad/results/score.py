@@ -173,7 +173,9 @@ class Score(KeyFigures):
     def _repr_html_(self) -> str:
         said = sentences_of(self.design, self.found)
         head = f"{self.found.name} ({self.found.digest[:8]})"
-        rest = [text for text in (said.verdict, said.why, said.confidence, said.resolution) if text]
+        rest = [
+            text for text in (said.verdict, said.why, said.margin, said.confidence, said.resolution) if text
+        ]
         if self.verdict == "OUT_OF_MODEL_SCOPE":
             return block(head, rest)
         return block(head, rest, picture(self._sheet, f"score-{self.design.digest[:8]}"))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -12,20 +13,21 @@ from textwrap import shorten, wrap
 from typing import TYPE_CHECKING, Any
 
 from design.circuit.pins import board_of, faster_boards, frame_rate_hz
+from design.fields.finding import OUT_OF_SCOPE
 from design.spec import SensorDesign
 from optopad.prediction_cost import STEM, quick_prediction_s
 from optopad.screen.verdict_sentences import (
     at_mm,
     command_words,
     counted,
+    no_fix_words,
     sentences_of,
     unit_of,
-    unresolved,
+    unresolved_share,
     verdict_words,
     with_moves,
 )
 from sims.score.result import RESTS, UNDECIDED
-from sims.verdict.depth_curve import NUMERICAL
 
 if TYPE_CHECKING:
     from design.fields.finding import Finding
@@ -38,8 +40,6 @@ if TYPE_CHECKING:
 WIDTH, LINES = 100, 13
 LABEL = 12
 """Width of the column of labels at the start of each line [characters]."""
-FIRST = ("full scale", "do not settle", "cannot light", "too much current", "stay tacky")
-"""Phrases in warnings that are shown first, because a pad with such a fault would not work."""
 FINDING_LINES = 4
 """Largest number of lines for one finding of the design rules."""
 EIGHT_BIT_PRESCALER = 16
@@ -71,18 +71,23 @@ def verdict_screen(
     said = sentences_of(design, score)
     head = [
         *row("design", f"{score.name} ({score.digest[:8]})"),
-        *row("verdict", said.verdict, 2 if score.causes or score.reason == "" else 4),
+        *row("verdict", said.verdict, 2 if score.reason == "" else FINDING_LINES + 2),
     ]
     figures = [*row("confidence", said.confidence, 2), *row("resolution", said.resolution, 2)]
     onward = _next(score, command, said.fix, is_built=is_built) if command else ""
-    foot = [*row("size", size), *closing, *row("next", onward, 2)]
-    left = LINES - len(head) - len(figures) - len(foot) - 1
-    head += [*row("cause" if score.causes else "margin", said.why, max(left, 2)), *figures]
+    foot = [*row("size", size), *closing, *row("next", onward, 3)]
+    margin = row("margin", said.margin, 2)
+    left = LINES - len(head) - len(margin) - len(figures) - len(foot) - 1
+    head += [*row("cause", said.why, max(left, 2)), *margin, *figures]
     reached = row("learner", learner, 2) if said.resolution and not score.is_facing_rows else []
-    if len(head) + len(reached) + len(foot) < LINES:  # one line is left for warnings
+    texts = _to_show(score)
+    if len(head) + len(reached) + len(foot) + min(len(texts), 2) <= LINES:  # two lines are left for warnings
         head += reached
-    room = max(LINES - len(head) - len(foot), 1)
-    return [*head, *_warnings(_to_show(score), room), *foot]
+    warnings = _warnings(texts, max(LINES - len(head) - len(foot), 1))
+    tried = row("tried", no_fix_words(score.trial), 2)
+    if len(head) + len(warnings) + len(tried) + len(foot) <= LINES:
+        head += tried
+    return [*head, *warnings, *foot]
 
 
 def rate_words(design: SensorDesign) -> str:
@@ -99,7 +104,13 @@ def rate_words(design: SensorDesign) -> str:
 
 
 def findings_screen(
-    name: str, findings: Sequence[Finding], *, command: str, rate: str = "", size: str = ""
+    name: str,
+    findings: Sequence[Finding],
+    *,
+    command: str,
+    rate: str = "",
+    size: str = "",
+    details: bool = False,
 ) -> list[str]:
     """Lines with findings of the design rules, errors first, as many as there is room for; then the next command.
 
@@ -109,21 +120,23 @@ def findings_screen(
     command : command and design as typed, for example `score pad.toml`
     rate : sentence on the frame rate from `rate_words`; shown if there is no error
     size : line on size, parts and price from `summary_words`; shown if there is no error
+    details : whether to show every finding at its full length
     """
     errors = [one for one in findings if one.severity == "error"]
     notes = [one for one in findings if one.severity == "note"]
     warnings = [one for one in findings if one.severity == "warning"]
     ordered = [*errors, *warnings, *notes]
     total = f"{counted(len(errors), 'error')}, {counted(len(warnings), 'warning')}"
-    foot = (
-        [] if errors else [*row("size", size), *row("rate", rate, 2), *row("next", f"optopad {command}", 2)]
-    )
+    onward = f"optopad {command}"
+    if any(one.weight == OUT_OF_SCOPE for one in warnings):
+        onward = f"change what the first warning names, then {onward.replace(' score ', ' check ', 1)}"
+    foot = [] if errors else [*row("size", size), *row("rate", rate, 2), *row("next", onward, 3)]
     room = LINES - len(foot) - 2
     lines: list[str] = []
     shown = 0
     for one in ordered:
-        made = row(one.severity, str(one), FINDING_LINES)
-        if lines and len(lines) + len(made) > room:
+        made = row(one.severity, str(one), len(str(one)) if details else FINDING_LINES)
+        if lines and len(lines) + len(made) > room and not details:
             break
         lines, shown = [*lines, *made], shown + 1
     if shown < len(ordered):
@@ -144,32 +157,33 @@ def row(label: str, text: str, most: int = 1) -> list[str]:
 
 
 def _to_show(score: ContinuityScore) -> list[str]:
-    """Warnings that no other line reports, the most serious first.
-
-    Warnings about the light model's numerical error are left out. Another line reports an undecided verdict; otherwise
-    the error affects only figures of single pairs.
-    """
-    shown = (RESTS, UNDECIDED, NUMERICAL)
-    left = [text for text in score.warnings if not text.startswith(shown)]
-    return sorted(left, key=lambda text: not any(words in text for words in FIRST))
+    """Warnings that no other line reports, as short forms, in the score's order: the most serious first."""
+    return [clause(text) for text in score.warnings if not text.startswith((RESTS, UNDECIDED))]
 
 
 def _warnings(texts: Sequence[str], room: int) -> list[str]:
-    shown = list(texts) if len(texts) <= room else list(texts[: max(room - 1, 0)])
-    lines = [line for text in shown for line in row("warning", _clause(text))]
-    left = len(texts) - len(shown)
-    if left:
-        lines += row("warning", f"{counted(left, 'more warning' if shown else 'warning')}; see --details")
-    return lines
+    """Lines with as many warnings as fit: one a line if there is room, otherwise one after the other."""
+    apart = [line for text in texts for line in row("warning", text, 2)]
+    if len(apart) <= room:
+        return apart
+    for count in range(len(texts), -1, -1):
+        left = len(texts) - count
+        more = [f"{counted(left, 'more warning' if count else 'warning')}: --details"] if left else []
+        lines = row("warning", "; ".join([*texts[:count], *more]), room + 1)
+        if len(lines) <= room:
+            return lines
+    return []
 
 
-def _clause(text: str) -> str:
-    """A warning shortened to as many whole clauses as fit on one line."""
-    room = WIDTH - LABEL
-    if len(text) <= room:
-        return text
-    ends = [text.rfind(mark, 0, room - 2) for mark in (" (", "; ", ", ")]
-    return f"{text[: max(ends)].rstrip(';,')} \N{HORIZONTAL ELLIPSIS}" if max(ends) > 0 else text
+FIELD = re.compile(r"^[a-z_]+(?:\.[a-z0-9_-]+)+: |^layout: ")
+"""Field that a warning is about, at its start."""
+CLAUSE_END = re.compile(r" \((?!\d+(?:\.\d+)?, )|; ")
+"""End of a warning's first clause: a parenthesis that is no location, or a semicolon."""
+
+
+def clause(text: str) -> str:
+    """The short form of a warning: without the field's path at its start, and without value, limit and remedy."""
+    return CLAUSE_END.split(FIELD.sub("", text), maxsplit=1)[0]
 
 
 def _next(score: ContinuityScore, command: str, fix: str, *, is_built: bool) -> str:
@@ -179,10 +193,8 @@ def _next(score: ContinuityScore, command: str, fix: str, *, is_built: bool) -> 
         return f"optopad score {with_moves(command, score.trial)}   ({command_words(score.trial)})"
     if fix:
         return f"optopad improve {command} --more-parts   ({fix})"
-    if score.causes:
-        return f"optopad improve {command}   (up to four verified designs that fix it: minutes)"
-    if score.tolerance is not None and score.tolerance.flipping and not is_built:
-        return f"optopad improve {command}   (up to four verified designs that improve it: minutes)"
+    if score.causes or (score.tolerance is not None and score.tolerance.flipping and not is_built):
+        return f"optopad improve {command}   (up to four verified designs: minutes)"
     if is_built:
         return "open the report, print cad/mold.stl, follow fabrication/casting.md"
     return f"optopad run {command}   (mold, wiring, firmware, report: about a minute)"
@@ -265,8 +277,12 @@ def _pairs_line(score: ContinuityScore) -> str:
     worst = (
         f"; {score.worst_pair} has the longest, {score.worst_pair_mm:.2f} mm" if score.worst_pair_mm else ""
     )
-    count = f"{score.pairs_with_deadband} of {len(score.pairs)} judged pairs"
-    return labelled("pairs", f"{count} have a deadband of their own{worst}")
+    count = f"{score.pairs_with_deadband} of {len(score.pairs)} judged pairs have a deadband{worst}"
+    if score.is_facing_rows:
+        return labelled("pairs", f"each judged alone: {count}")
+    return labelled(
+        "pairs", f"each alone, pressed at its mid-span: {count}; the pad is judged by all pairs together"
+    )
 
 
 def _strength_line(score: ContinuityScore) -> str:
@@ -283,12 +299,11 @@ def _pair_line(pair: JudgedPair) -> str:
     modes, score = pair.score.modes, pair.score
     onset, end = modes.mode2_mm
     gap = "open" if modes.gap_mm is None else f"{modes.gap_mm:+.2f} mm"
-    dead = ", ".join(f"{a:.2f}-{b:.2f}" for a, b in score.deadbands_mm) or "none"
+    dead = ", ".join(f"{a:.2f}-{b:.2f} mm" for a, b in score.deadbands_mm) or "none"
+    mode2 = "never begins" if onset is None else f"{onset:.2f}-{'open' if end is None else f'{end:.2f} mm'}"
     return labelled(
         pair.name,
-        f"mode 1 {modes.mode1_mm[0]:.2f}-{modes.mode1_mm[1]:.2f} mm, mode 2 "
-        f"{'never' if onset is None else f'{onset:.2f}'}-{'open' if end is None else f'{end:.2f}'} mm, gap {gap}, "
-        f"deadband {dead}",
+        f"mode 1 {modes.mode1_mm[0]:.2f}-{modes.mode1_mm[1]:.2f} mm, mode 2 {mode2}, gap {gap}, deadband {dead}",
     )
 
 
@@ -357,11 +372,11 @@ def _band_line(score: ContinuityScore) -> str:
 def bound_lines(bounds: PadBounds, *, is_facing: bool) -> list[str]:
     """Lines with median Cramér-Rao bounds, resolved and unresolved volume, detection threshold, most important part.
 
-    For facing rows, which are pressed at known locations, only the bound of the depth is reported.
+    Facing rows are judged at known locations, so the bound of the depth at a known location is added.
     """
-    lines = [_depth_alone_line(bounds)] if is_facing else [_median_line(bounds), _volume_line(bounds)]
+    lines = [_median_line(bounds), *([_depth_alone_line(bounds)] if is_facing else []), _volume_line(bounds)]
     lines += [] if bounds.detection is None else [_contact_line(bounds.detection)]
-    return lines if is_facing or bounds.worst_loss is None else [*lines, _loss_line(bounds)]
+    return lines if bounds.worst_loss is None else [*lines, _loss_line(bounds)]
 
 
 def _median_line(bounds: PadBounds) -> str:
@@ -381,17 +396,17 @@ def _median_line(bounds: PadBounds) -> str:
 
 def _depth_alone_line(bounds: PadBounds) -> str:
     depth = _span(bounds.median_depth_alone_mm)
-    return labelled("resolution", f"one frame at a known location, median: depth {depth}")
+    return labelled("", f"one frame at a known location, median: depth {depth}")
 
 
 def _volume_line(bounds: PadBounds) -> str:
-    limits = bounds.limits
+    limits, share = bounds.limits, unresolved_share(bounds)
+    unresolved = f"; in {share} one frame does not resolve x, y and depth together" if share else ""
     return labelled(
         "volume",
         f"{bounds.coverage.percent()} covered (location < {limits.covered_location_mm:g} mm, depth < "
         f"{limits.covered_depth_mm:g} mm); {bounds.dead_share.percent()} dead (location > "
-        f"{limits.dead_location_mm:g} mm or depth > {limits.dead_depth_mm:g} mm)"
-        f"{unresolved(bounds, is_facing=False)}",
+        f"{limits.dead_location_mm:g} mm or depth > {limits.dead_depth_mm:g} mm){unresolved}",
     )
 
 

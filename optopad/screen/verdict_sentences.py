@@ -23,6 +23,7 @@ from design.spec.properties import used_values
 from sims.bounds.observability import PadBounds
 from sims.score.result import ContinuityScore, headline
 from sims.score.trials import ENOUGH_MARGIN
+from sims.verdict.builds import pair_margin
 from sims.verdict.causes import Cause
 from sims.verdict.depth_curve import DEADBAND_THRESHOLD
 from sims.verdict.tolerance import ToleranceBand, ToleranceRow
@@ -85,7 +86,8 @@ class VerdictSentences:
     Attributes
     ----------
     verdict : the verdict, with the location and the depths that decide it
-    why : the mechanism of the worst deadband; for a pad without a deadband, its margin
+    why : the mechanism of the worst deadband, or of the end of the usable depth; empty if there is neither
+    margin : the least margin of a design without a deadband
     fix : changes of the design that help according to a trial computation, and the verdict with them
     confidence : the confidence: whether an unmeasured parameter or the numerical error of the light model changes the
         verdict, and how accurately to measure which parameter
@@ -94,6 +96,7 @@ class VerdictSentences:
 
     verdict: str
     why: str
+    margin: str
     fix: str
     confidence: str
     resolution: str
@@ -103,11 +106,17 @@ def sentences_of(design: SensorDesign, score: ContinuityScore) -> VerdictSentenc
     """The sentences that report a design's score: verdict, cause, fix, confidence and resolution."""
     if score.verdict == "OUT_OF_MODEL_SCOPE":
         return VerdictSentences(
-            verdict=f"OUT_OF_MODEL_SCOPE: {score.reason}", why="", fix="", confidence="", resolution=""
+            verdict=f"OUT_OF_MODEL_SCOPE: {score.reason}",
+            why="",
+            margin="",
+            fix="",
+            confidence="",
+            resolution="",
         )
     return VerdictSentences(
         verdict=_verdict(design, score),
         why=_why(score),
+        margin=_margin(design, score),
         fix=fix_words(score.trial),
         confidence=_confidence(design, score),
         resolution=_resolution(score),
@@ -134,10 +143,12 @@ def _verdict(design: SensorDesign, score: ContinuityScore) -> str:
     if score.is_facing_rows:
         blind = [pair for pair in score.pairs if pair.score.deadbands_mm]
         if not blind:
-            return f"{words}: every facing pair resolves depth until its signal no longer changes"
+            if " to " in words:
+                return f"{words}: the least depth that a facing pair resolves"
+            return f"{words}: every facing pair resolves depth from contact to {deepest}"
         first = next((pair for pair in blind if pair.name == score.governing), blind[0])
         return (
-            f"{words}: {first.name} does not resolve depth from {spans(first.score.deadbands_mm)} mm"
+            f"{words}: {first.name} does not resolve {spans(first.score.deadbands_mm)} mm"
             f"{_other_pairs(len(blind) - 1, len(score.pairs))}"
         )
     if score.pad_map is None:
@@ -153,10 +164,12 @@ def _verdict(design: SensorDesign, score: ContinuityScore) -> str:
     if faded:
         least = min(places, key=lambda place: place.usable_mm)
         return (
-            f"{words}: at {faded} of {len(places)} locations depth is not resolved to {deepest}; the least "
-            f"depth is at {at_mm(least.x_mm, least.y_mm)}"
+            f"{words}: at {faded} of {len(places)} locations depth is not resolved to {deepest}; the "
+            f"least depth is at {at_mm(least.x_mm, least.y_mm)}"
         )
-    return f"{words}: depth is resolved from contact to {deepest} at all {len(places)} locations"
+    return (
+        f"{words}: depth is resolved from contact to {deepest} at all {len(places)} locations, x and y known"
+    )
 
 
 def _other_pairs(count: int, every: int) -> str:
@@ -169,21 +182,29 @@ def _other_pairs(count: int, every: int) -> str:
     return f"; {others} {which} {'has a deadband' if count == 1 else 'have deadbands'}, too"
 
 
-def _margin(score: ContinuityScore) -> str:
-    if score.pad_map is None or score.is_facing_rows:
+def _margin(design: SensorDesign, score: ContinuityScore) -> str:
+    """The least margin, with its location and depths or its facing pair; empty for a design with a deadband."""
+    if score.deadbands_mm or score.margin is None:
         return ""
-    weakest = score.pad_map.weakest
+    limit = f"a deadband is below {DEADBAND_THRESHOLD:g} sigma"
+    if score.is_facing_rows:
+        margins = {
+            pair.name: pair_margin(design, score.readout, pair.curves, pair.score)[0]
+            for pair in score.pairs
+            if score.readout is not None
+        }
+        named = min(margins, key=lambda name: margins[name], default=score.governing)
+        return f"{score.margin:.1f} sigma for {named}, the least of the facing pairs; {limit}"
+    if score.pad_map is None:
+        return ""
+    weakest = min(score.pad_map.places, key=lambda place: place.margin)
     start, end = weakest.depths.margin_mm
-    return (
-        f"{weakest.margin:.1f} sigma at {at_mm(weakest.x_mm, weakest.y_mm)}, {start:.1f} to {end:.1f} mm deep; "
-        f"a deadband is below {DEADBAND_THRESHOLD:g} sigma"
-    )
+    at = at_mm(weakest.x_mm, weakest.y_mm)
+    return f"{weakest.margin:.1f} sigma at {at}, {start:.1f} to {end:.1f} mm deep; {limit}"
 
 
 def _why(score: ContinuityScore) -> str:
-    if not score.causes:
-        return _margin(score)
-    return "; ".join(filter(None, [cause_sentence(score.causes[0]), no_fix_words(score.trial)]))
+    return cause_sentence(score.causes[0]) if score.causes else ""
 
 
 def cause_sentence(cause: Cause) -> str:
@@ -196,13 +217,13 @@ def cause_sentence(cause: Cause) -> str:
     match cause.lack:
         case "apart":
             onset = typical.mode2_onset_mm
-            reaches, at = ("never reaches", "") if onset is None else ("reaches", f" only at {onset:.1f} mm")
+            reaches, at = ("never reaches", "") if onset is None else ("reaches", f" only at {onset:.2f} mm")
             return (
-                f"the modes are too far apart: reflected light (mode 1) is gone by {typical.mode1_end_mm:.1f} mm, "
-                f"and the tip {reaches} the direct path of {typical.pair} (mode 2){at}"
+                f"the modes are too far apart: under this press the reflected light of {typical.pair} (mode 1) is gone "
+                f"by {typical.mode1_end_mm:.2f} mm, and the tip {reaches} its direct path (mode 2){at}"
             )
         case "used up":
-            blocked = f"by {cause.depth_mm[0]:.1f} mm the tip has blocked the direct light of {under}"
+            blocked = f"by {cause.depth_mm[0]:.2f} mm the tip has blocked the direct light of {under}"
             return f"the signal no longer changes: {blocked}"
         case "clipped":
             reads = "read" if len(cause.witnesses) > 1 else "reads"
@@ -303,37 +324,26 @@ def _plain(value: Any) -> str:
 
 
 def _resolution(score: ContinuityScore) -> str:
-    if score.bounds is None:
+    bounds = score.bounds
+    if bounds is None:
         return ""
-    contact = ""
-    if score.bounds.detection is not None:
-        force = float(score.bounds.detection.force_n[score.bounds.detection.worst])
-        contact = (
-            "; at some locations no contact is detected"
-            if math.isinf(force)
-            else f"; contact from {force:.2f}\N{NO-BREAK SPACE}N"
-        )
-    depth = score.bounds.median_depth_alone_mm if score.is_facing_rows else score.bounds.median_depth_mm
-    told = [("depth", depth.value)]
-    if not score.is_facing_rows:
-        told.insert(0, ("location", score.bounds.median_location_mm.value))
-    listed = ", ".join(
-        f"{name} {'not resolved' if math.isinf(value) else f'{value:.3f} mm'}" for name, value in told
-    )
-    share = unresolved(score.bounds, is_facing=score.is_facing_rows)
-    return f"{listed} (Cramér-Rao bound, one frame, median){contact}{share}"
+    share, location, depth = unresolved_share(bounds), bounds.median_location_mm, bounds.median_depth_mm
+    if math.isinf(max(location.value, depth.value)):
+        found = f"one frame does not resolve x, y and depth together in {share} of the volume"
+    else:
+        found = f"one frame: location {location.value:.3f} mm, depth {depth.value:.3f} mm (median)"
+        found += f"; unresolved in {share} of the volume" if share else ""
+    detection = bounds.detection
+    is_late = detection is not None and math.isinf(float(detection.force_n[detection.worst]))
+    return found + ("; no contact is detected at some locations" * is_late)
 
 
-def unresolved(bounds: PadBounds, *, is_facing: bool) -> str:
-    """Text with the share of the pressed volume in which one frame does not resolve x, y and depth together.
-
-    Empty if there is no such volume, and for facing rows, which are pressed at known locations.
-    """
+def unresolved_share(bounds: PadBounds) -> str:
+    """Share of the pressed volume where one frame does not resolve x, y and depth together; empty if there is none."""
     share = bounds.blind_share
-    if is_facing or not share > 0.0:
+    if not share > 0.0:
         return ""
-    words = "less than 1 %" if share < LEAST_SHARE else f"{100 * share:.0f} %"
-    return f"; in {words} of the volume x, y and depth together are not resolved"
+    return "less than 1 %" if share < LEAST_SHARE else f"{100 * share:.0f} %"
 
 
 def fix_words(trial: Trial | None) -> str:

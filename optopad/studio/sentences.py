@@ -47,8 +47,7 @@ def _judged(now: Version, judged: LiveVerdict) -> str:
         words = [f"of the design before: {verdict_words(judged.score)}"]
         return _block(GREY, "updating", words)
     head = said.verdict
-    words = [_label("cause" if judged.score.causes else "margin", said.why)]
-    words.append(_label("fix", said.fix))
+    words = [_label("cause", said.why), _label("margin", said.margin), _label("fix", said.fix)]
     if judged.level != "draft":
         words.append(_label("confidence", said.confidence))
     words.append(_label("resolution", said.resolution))

@@ -19,11 +19,7 @@ import numpy as np
 
 from design.arrays import FloatArray
 from design.errors import InputError, ModelScopeError
-
-LEAST_RIM_SHARE = 0.15
-"""Least thickness at the rim over that at the apex [-]. The mesh has as many layers of elements at the rim as at the
-apex, so they become thin there.
-"""
+from design.rules.shape import LEAST_RIM_SHARE
 
 
 def crown_drop(radius: FloatArray, crown: float) -> FloatArray:

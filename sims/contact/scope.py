@@ -17,7 +17,9 @@ from design.rules.shape import (
     DEEPEST_PRESS,
     LARGEST_SHARE_OF_LAYER,
     LAYER_DEPTH_RANGE,
+    WALL_RADIUS_RANGE,
     deepest_modelled_mm,
+    deepest_of_tip,
 )
 from design.shape.cavity import plan_of
 
@@ -99,12 +101,6 @@ def half_width_of(radius: float) -> float:
     return 0.5 * math.sqrt(math.pi) * radius
 
 
-WALL_RADIUS_RANGE = (round(round_radius(20 / 3, 20 / 3), 9), 7.5)
-"""Range of the solved round pads' radii [tip radii]. With a 3 mm tip, it covers the areas of square pads of 20 to
-40 mm. From 6.0 to 7.5, the force at a depth of 1 tip radius falls by only 1 %.
-"""
-
-
 def wall_radius(design: SensorDesign) -> float:
     """Radius of the round pad with the area of the design's pad [tip radii], clipped to `WALL_RADIUS_RANGE`."""
     radius = math.sqrt(plan_of(design).area_mm2 / math.pi) / tip_radius_mm(design)
@@ -137,7 +133,7 @@ def require_depth(design: SensorDesign, depth_mm: float, name: str) -> float:
     if depth_mm > limit + 1e-9:
         raise ModelScopeError(
             f"{name}: {depth_mm:g} mm is deeper than the contact model covers: {limit:g} mm, the smaller of "
-            f"{LARGEST_SHARE_OF_LAYER} of the elastic depth and {DEEPEST_PRESS} tip radii; "
+            f"{LARGEST_SHARE_OF_LAYER} of the elastic depth and {deepest_of_tip(design):g} tip radii; "
             "press less deep or make the pad thicker"
         )
     return depth_mm

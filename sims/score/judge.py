@@ -55,7 +55,7 @@ from sims.bounds.detection_threshold import DetectionThreshold, detection_thresh
 from sims.bounds.fisher import COARSE_DEPTHS_MM, FINE_DEPTHS_MM
 from sims.bounds.observability import BOUND_ACCURACIES, MANY_PAIRS_BOUNDS, PadBounds, pad_bounds
 from sims.contact.force_curve import ForceCurve, force_curve
-from sims.contact.indentation import solved_press
+from sims.contact.indentation import require_corner, solved_press
 from sims.optics.accuracy import ACCURACIES, Accuracy
 from sims.optics.light_signals import LightSignals
 from sims.optics.tracing import trace
@@ -426,6 +426,7 @@ class Judge:
     def force(self) -> ForceCurve:
         """Force of a press at the centre against depth, at the depths of a score."""
         press = solved_press(self.design, on_step=lambda share: self.tell("contact", share))
+        require_corner(self.design)
         return force_curve(self.design, press, depth_schedule_mm(self.deepest_mm))
 
     @property
@@ -643,7 +644,7 @@ class Judge:
         """Reasons why depth is not resolved: one for every interval of depth concerned, the worst interval first."""
         if self.is_facing:
             pairs = [(pair.curves, pair.score) for pair in self.pairs]
-            return causes_of_pairs(self.design, pairs, self.readout)
+            return causes_of_pairs(self.design, pairs, self.readout, self.governing.name)
         return causes_of_pad(self.design, self.pad_map, self.pad_signals, self.readout)
 
     def _pairs_are_open(self) -> bool:

@@ -96,12 +96,12 @@ def _effect(row: ToleranceRow) -> str:
     return f"{row.confidence}: {deadband}, margin {margin[0]:.0f} to {margin[1]:.0f} sigma{changes}"
 
 
-def noise_caution(judged: tuple[JudgedPair, ...]) -> str | None:
+def noise_caution(judged: tuple[JudgedPair, ...], *, fine: bool = False) -> str | None:
     """Warning if the numerical error of the light model is large enough to look like a signal; otherwise None."""
     margins = [pair.score.noise_margin for pair in judged if pair.score.noise_margin is not None]
     if not margins or max(margins) <= TRACE_ERROR_LIMIT:
         return None
-    return trace_noise_warning(max(margins))
+    return trace_noise_warning(max(margins), fine=fine)
 
 
 Verdict = Literal["CONTIGUOUS", "DEADBAND", "OUT_OF_MODEL_SCOPE"]

@@ -29,6 +29,7 @@ import numpy as np
 from design.arrays import FloatArray
 from design.circuit.transimpedance import given_ohms, settling_findings
 from design.errors import ModelScopeError
+from design.fields.finding import FAILS, OUT_OF_SCOPE, USUAL
 from design.progress import OnStep
 from design.rules.check import check, require_valid
 from design.shape.cavity import (
@@ -39,12 +40,15 @@ from design.shape.cavity import (
     judged_pairs,
     mask_of,
     pair_name,
+    plan_of,
 )
 from design.spec import SensorDesign
 from design.spec.cheap_fields import TARGET, cheap_fields
 from sims.bounds.fisher import PRESSES, SHALLOW_MM, Steps, stencil_presses
 from sims.bounds.observability import bound_depths_mm
+from sims.contact.indentation import is_in_library, require_covered
 from sims.contact.pad_surface import contact_notes
+from sims.contact.scope import layer_depth, solved_depths, tip_radius_mm
 from sims.optics.accuracy import accuracy_of
 from sims.optics.scene.lower import scene_of
 from sims.optics.scene.symmetry import state_classes
@@ -99,9 +103,11 @@ def score(
     judge = Judge(design, settings_of(fine=fine, full=full), seed=seed, on_step=on_step)
     base = _base_of(design, seed=seed, fine=fine, full=full)
     try:
+        require_covered(design)
         found = _scored(judge, base, verdict_only=verdict_only)
     except ModelScopeError as err:
-        return replace(base, reason=str(err), warnings=tuple(str(finding) for finding in check(design)))
+        left = tuple(str(one) for one in check(design) if one.weight < OUT_OF_SCOPE)
+        return replace(base, reason=str(err), warnings=left)
     if tolerance and not verdict_only:
         for added in (with_tolerance, with_field_steps, with_trial):
             found = added(design, found, seed=seed, on_step=judge.tell)
@@ -124,6 +130,7 @@ def verdict_of(
     require_valid(design)
     base = _base_of(design, seed=seed)
     try:
+        require_covered(design)
         return _with_verdict(Judge(design, settings, seed=seed, on_step=on_step), base)
     except ModelScopeError as err:
         return replace(base, reason=str(err))
@@ -193,7 +200,11 @@ def _scored(judge: Judge, base: ContinuityScore, *, verdict_only: bool) -> Conti
         clipped=tuple(pair.name for pair in judged if pair.score.is_clipped),
         bounds=None if verdict_only else judge.bounds,
         warnings=_warnings(
-            judge.design, judged, found.pad_map, judge.readout.of_each(len(judge.cavity.receivers))
+            judge.design,
+            judged,
+            found.pad_map,
+            judge.readout.of_each(len(judge.cavity.receivers)),
+            fine=base.fine,
         ),
     )
 
@@ -251,23 +262,32 @@ def _unjudged(cavity: CavityGeometry, flat: FloatArray, readout: Readout) -> dic
 
 
 def _warnings(
-    design: SensorDesign, judged: tuple[JudgedPair, ...], pad_map: PadMap | None, gains: tuple[float, ...]
+    design: SensorDesign,
+    judged: tuple[JudgedPair, ...],
+    pad_map: PadMap | None,
+    gains: tuple[float, ...],
+    *,
+    fine: bool,
 ) -> tuple[str, ...]:
-    found = [str(finding) for finding in check(design)]  # errors were refused before
+    """All warnings about the design and its verdict, those of largest weight first."""
+    findings = list(check(design))  # errors were refused before
     if given_ohms(design) is None:  # resistors by a rule follow from the light
-        found += [str(finding) for finding in settling_findings(design, gains)]
-    found += contact_notes(design)
-    found += filter(None, [noise_caution(judged)])
-    if pad_map is not None and not is_facing_rows(cavity_of(design)):
-        found += margin_caution(pad_map)
+        findings += settling_findings(design, gains)
+    found = [(one.weight, str(one)) for one in findings]
     clipped = [pair.name for pair in judged if pair.score.is_clipped]
     if clipped:
-        found.append(
-            f"{len(clipped)} of {len(judged)} judged pairs read above full scale at their gain and resolve "
-            f"nothing while they do: {', '.join(clipped[:8])}; set gain.feedback_ohm = 'each', or lower "
-            "gain.target_counts"
+        words = (
+            f"{len(clipped)} of {len(judged)} pairs clip with a target of {design.gain.target_counts:g} counts, which "
+            f"costs the resolution near the surface ({', '.join(clipped[:8])}); set gain.feedback_ohm = 'each', or "
+            "lower gain.target_counts"
         )
-    return tuple(found)
+        found.append((FAILS, words))
+    if pad_map is not None and not is_facing_rows(cavity_of(design)):
+        found += [(FAILS, text) for text in margin_caution(pad_map)]
+    if said := noise_caution(judged, fine=fine):
+        found.append((FAILS, said))
+    found += [(USUAL, text) for text in contact_notes(design)]
+    return tuple(text for _, text in sorted(found, key=lambda one: -one[0]))
 
 
 ANSWERING_PAIRS = 0.35
@@ -280,9 +300,11 @@ SAME_MIRRORS = 0.2
 """Relative cost of a disc or crowned unit that differs only in scattering, so that mirrored light is reused [-]."""
 TRACED_TWICE = 1.25
 """Mean number of traces for a disc or crowned unit: those close to a deadband take two [-]."""
-REST_S, RUN_S = 10.0, 24.0
-"""Processor time for everything except light [s]: `REST_S` for a score (start, contact, drawings), and `RUN_S` added by
-a run (mold, report).
+LIVE_S = 27.0
+"""Processor time to solve one depth of a press that the library does not have [s]: a flat punch of 2.5 mm in 6 mm."""
+REST_S, RUN_S = 16.0, 24.0
+"""Processor time for everything except light [s]: `REST_S` for a score (start, contact, trial of changes, drawings),
+and `RUN_S` added by a run (mold, report).
 """
 WORTH_SAYING_S = 20.0
 """No estimate is shown if it is less than this [s]."""
@@ -329,6 +351,7 @@ def score_cost(design: SensorDesign, *, fine: bool, full: bool, is_run: bool = F
     places_mm = grid_places_mm(cavity.workspace, *map_grid_mm(cavity, row.map_places))
     depth_mm = map_depths_mm(design.operating.max_depth_mm, row.map_step_mm)
     stages = {
+        "contact": _contact_s(design),
         "untouched": untouched_cost_s(scene_of(design), accuracy_of(row.untouched)),
         "pairs": _pairs_s(design, cavity, row),
         "map": _map_s(design, places_mm, depth_mm, row),
@@ -343,6 +366,14 @@ def score_cost(design: SensorDesign, *, fine: bool, full: bool, is_run: bool = F
         stages_s=stages,
         job="run" if is_run else "score",
     )
+
+
+def _contact_s(design: SensorDesign) -> float:
+    """Processor time to solve the presses of a tip or layer that the library does not have [s]."""
+    if not plan_of(design).top.is_flat or is_in_library(design):
+        return 0.0
+    deepest = design.operating.max_depth_mm / tip_radius_mm(design)
+    return LIVE_S * len(solved_depths(layer_depth(design), deepest))
 
 
 def _distinct(design: SensorDesign, places_mm: FloatArray) -> int:
@@ -377,8 +408,6 @@ def _map_s(design: SensorDesign, places_mm: FloatArray, depth_mm: FloatArray, ro
 
 def _bounds_s(design: SensorDesign, places_mm: FloatArray, row: Settings) -> float:
     """Processor time for the bounds: all presses, in two independent traces [s]."""
-    if is_facing_rows(cavity_of(design)):
-        return 0.0
     scene, steps = scene_of(design), Steps()
     depths = bound_depths_mm(row.bound_depths_mm, design.operating.max_depth_mm, steps.depth_mm)
     voxels = np.column_stack([places_mm, np.ones(len(places_mm))])

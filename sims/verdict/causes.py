@@ -225,7 +225,7 @@ class Cause:
 def causes_of_pad(
     design: SensorDesign, pad_map: PadMap, light: LightSignals, readout: Readout
 ) -> tuple[Cause, ...]:
-    """The cause of every interval without resolution at every location, the worst location first.
+    """The cause of every interval without resolution at every location, the location with most deadband first.
 
     Parameters
     ----------
@@ -241,13 +241,17 @@ def causes_of_pad(
             place_mm = (place.x_mm, place.y_mm)
             curves = _curves_under(cavity, light, states, place_mm, depth_mm)
             found += [_cause(design, cavity, kind, span, place_mm, curves, readout) for kind, span in blind]
-    return tuple(sorted(found, key=_severity))
+    worst = (pad_map.worst.x_mm, pad_map.worst.y_mm)
+    return tuple(sorted(found, key=lambda one: (one.kind != "deadband", one.place_mm != worst, _length(one))))
 
 
 def causes_of_pairs(
-    design: SensorDesign, judged: Sequence[tuple[PairCurves, PairScore]], readout: Readout
+    design: SensorDesign, judged: Sequence[tuple[PairCurves, PairScore]], readout: Readout, governing: str
 ) -> tuple[Cause, ...]:
-    """The cause of every interval of depth that a facing pair does not resolve under its own press; the worst first."""
+    """The cause of every interval of depth that a facing pair does not resolve under its own press.
+
+    Deadbands come first, those of the pair `governing`, which the verdict names, before others, then the longest.
+    """
     cavity, found = cavity_of(design), []
     for curves, score in judged:
         blind: list[tuple[Kind, Interval]] = [("deadband", span) for span in score.deadbands_mm]
@@ -256,12 +260,17 @@ def causes_of_pairs(
         found += [
             _cause(design, cavity, kind, span, curves.press_mm, [curves], readout) for kind, span in blind
         ]
-    return tuple(sorted(found, key=_severity))
+
+    def rank(cause: Cause) -> tuple[bool, bool, float]:
+        is_deadband = cause.kind == "deadband"
+        return not is_deadband, is_deadband and cause.witnesses[0].pair != governing, _length(cause)
+
+    return tuple(sorted(found, key=rank))
 
 
-def _severity(cause: Cause) -> tuple[bool, float]:
-    """Sort key: deadbands first, the longest first."""
-    return cause.kind != "deadband", cause.depth_mm[0] - cause.depth_mm[1]
+def _length(cause: Cause) -> float:
+    """Sort key with which the longest interval comes first."""
+    return cause.depth_mm[0] - cause.depth_mm[1]
 
 
 def _blind_of_place(place: Place, deepest_mm: float) -> Iterator[tuple[Kind, Interval]]:

@@ -100,7 +100,6 @@ MODE_TOLERANCE: Final = 0.05
 """Share of the light's range within which it counts as still at its first value, or already at its last [-]; [F]."""
 
 TRACE_ERROR_LIMIT: Final = 0.5
-NUMERICAL: Final = "the numerical error of the light model"
 """Largest numerical standard error that a verdict accepts without a warning [noise units]. The range that
 it adds over a typical deadband, 4.09 times itself, stays below the threshold of 3."""
 
@@ -393,28 +392,24 @@ def widened_threshold(
     return threshold + spread * margin
 
 
-def trace_noise_warning(
-    margin: float, *, hidden_mm: float = 0.0, limit: float = TRACE_ERROR_LIMIT
-) -> str | None:
+def trace_noise_warning(margin: float, *, fine: bool = False, limit: float = TRACE_ERROR_LIMIT) -> str | None:
     """The warning about the numerical error of the light model.
 
     Parameters
     ----------
     margin : largest numerical standard error over the judged depth [noise units]
-    hidden_mm : length of possible deadbands in addition to those found [mm]
+    fine : whether the light was traced with the option --fine, which is otherwise the remedy
     limit : margin up to which there is no warning [noise units]
 
     Returns
     -------
-    one sentence with the value, the limit and the remedy; None if the margin is within the limit
+    one sentence with the value, the remedy and the limit; None if the margin is within the limit
     """
     if margin <= limit:
         return None
-    hidden = f" and may hide up to {hidden_mm:.2f} mm of deadband" if hidden_mm > 0.0 else ""
-    return (
-        f"{NUMERICAL} is up to {margin:.2g} sigma, limit {limit:.2g} sigma; it can pass for signal{hidden}; run with "
-        "--fine"
-    )
+    remedy = "even with --fine" if fine else "run with --fine"
+    size, most = f"{margin:.2g} sigma", f"{limit:.2g} sigma"
+    return f"numerical error of single pairs {size}, {remedy} (it can pass for signal; limit {most})"
 
 
 Interval = tuple[float, float]

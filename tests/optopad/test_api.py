@@ -114,7 +114,7 @@ def test_a_score_has_verdict_figures_and_the_document_of_the_bundle(judged):
     assert (found.verdict, found.deadbands_mm) == ("DEADBAND", dead_score(THICK).deadbands_mm)
     assert found.deadband_mm == pytest.approx(sum(end - start for start, end in found.deadbands_mm))
     assert found.to_dict() == dead_score(THICK).to_json()
-    assert repr(found).splitlines()[1].startswith("verdict     DEADBAND: E2-R2 does not resolve depth from ")
+    assert repr(found).splitlines()[1].startswith("verdict     DEADBAND: E2-R2 does not resolve ")
 
 
 def test_a_score_shows_its_governing_pair_in_a_notebook(judged):

@@ -36,10 +36,17 @@ from scipy.interpolate import CubicSpline
 from design.arrays import FloatArray
 from design.errors import InputError, ModelScopeError
 from design.plain_arrays import plain_arrays
-from design.rules.shape import DEEPEST_PRESS, LARGEST_CROWN, LARGEST_SHARE_OF_LAYER
-from sims.contact.crown import LEAST_RIM_SHARE, require_rim
+from design.rules.shape import (
+    DEEPEST_PRESS,
+    LARGEST_CROWN,
+    LARGEST_REACH,
+    LARGEST_SHARE_OF_LAYER,
+    LEAST_RIM_SHARE,
+    WALL_RADIUS_RANGE,
+)
+from sims.contact.crown import require_rim
 from sims.contact.library.smooth_press import VALUES, FitResidual, SmoothPress
-from sims.contact.scope import HALF_WIDTH, WALL_RADIUS, WALL_RADIUS_RANGE, round_radius
+from sims.contact.scope import HALF_WIDTH, WALL_RADIUS, round_radius
 
 FILE = "profiles.npz"
 """Name of the library file in the package's data folder."""
@@ -65,8 +72,6 @@ CROWN_RADII = (WALL_RADIUS_RANGE[0], WALL_RADIUS)
 """Wall radii for which crowns (spherical tops) are solved [tip radii]; flat pads are solved with them too."""
 CROWN_CENTRE = (3.0, WALL_RADIUS)
 """Layer thickness and wall radius [tip radii]; every crowned pad that is solved has at least one of these values."""
-LARGEST_REACH = 0.8
-"""Largest wall radius over the crown's radius [-], at which the top slopes by 53 degrees at the wall."""
 _JOIN = 1e-9
 
 

@@ -6,8 +6,10 @@ import re
 
 import pytest
 
-from design.errors import DesignError
-from design.rules.check import check, require_valid
+from design.errors import DesignError, ModelScopeError
+from design.fields.finding import OUT_OF_SCOPE
+from design.preset import preset
+from design.rules.check import check, require_scope, require_valid
 from design.rules.light import deepest_modelled_mm
 from design.spec import SensorDesign
 from tests.design.rules.rule_cases import BENCHMARK, about, and_more, facing, only, single
@@ -167,7 +169,7 @@ def test_a_tip_wider_than_its_workspace_is_a_warning() -> None:
 def test_facing_pairs_outside_the_workspace_are_a_warning_with_the_shift() -> None:
     finding = only(with_layout(facing(3, 12.0), **BENCHMARK))  # at 4, 16 and 28; workspace 6 to 26
     assert finding.severity == "warning"
-    assert "E1-R1, E3-R3;" in finding.message
+    assert finding.message.startswith("E1-R1, E3-R3 are judged")
     assert finding.value == "2.00 mm from the chord"
 
 
@@ -190,9 +192,25 @@ def test_a_press_beyond_the_contact_model_is_a_warning_that_names_the_verdict() 
 
 
 def test_a_press_beyond_the_clear_layer_is_an_error() -> None:
-    assert only(good(**{"operating.max_depth_mm": 8.0})).severity == "warning"
-    finding = only(good(**{"operating.max_depth_mm": 8.1}))
-    assert (finding.severity, finding.value) == ("error", "8.1 mm")
+    assert only(good(**{"operating.max_depth_mm": 7.9})).severity == "warning"
+    finding = only(good(**{"operating.max_depth_mm": 8.0}))
+    assert (finding.severity, finding.value) == ("error", "8 mm")
+
+
+def test_a_press_on_which_no_verdict_is_possible_is_refused_before_any_work() -> None:
+    short = good(**{"operating.max_depth_mm": 0.29})
+    assert only(short).weight == OUT_OF_SCOPE
+    with pytest.raises(
+        ModelScopeError, match=r"max_depth_mm: .* \(0\.29 mm; needs at least 0\.3 mm\); raise it$"
+    ):
+        require_scope(short)
+    require_scope(good(**{"operating.max_depth_mm": 0.3}))
+    dome = preset("fingertip-dome")
+    for changes, field in (
+        ({"indenter.shape": "cone"}, "indenter.shape"),
+        ({"crown.radius_mm": 13.0, "cavity.clear_thickness_mm": 11.0}, "crown.radius_mm"),
+    ):
+        assert [one.field for one in check(dome.with_(**changes)) if one.weight == OUT_OF_SCOPE] == [field]
 
 
 def test_a_length_that_nothing_can_make_is_a_warning() -> None:

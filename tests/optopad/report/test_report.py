@@ -230,14 +230,14 @@ def test_facing_rows_show_every_facing_pair(pair_bundle: Path) -> None:
     for pair in score.pairs:
         assert (pair_bundle / "sims" / f"plot-signal-{pair.name}.svg").is_file()
     start, end = score.pairs[0].score.deadbands_mm[0]
-    words = f"E2-R2 does not resolve depth from {start:.2f} to {end:.2f} mm; the 2 other pairs have deadbands, too."
+    words = f"E2-R2 does not resolve {start:.2f} to {end:.2f} mm; the 2 other pairs have deadbands, too."
     assert words in said
 
 
 @pytest.mark.usefixtures("undrawn")
 def test_a_contiguous_pad_says_so_and_has_no_deadband_map(tmp_path: Path) -> None:
     said = Page(written(tmp_path, PAD, contiguous_score())).text
-    assert "Depth is resolved from contact to 5 mm at all 25 locations." in said
+    assert "Depth is resolved from contact to 5 mm at all 25 locations, x and y known." in said
     assert "Worst deadband of the pad none" in said
     assert not (tmp_path / "sims" / "plot-map-deadband.svg").exists()
 
@@ -254,14 +254,14 @@ def test_a_pad_whose_numerical_error_may_hide_a_deadband_is_called_undecided() -
 
 def test_contiguous_facing_pairs_say_so() -> None:
     words = sentences_of(PAIR, contiguous_score(PAIR)).verdict
-    assert words == "CONTIGUOUS: every facing pair resolves depth until its signal no longer changes"
+    assert words == "CONTIGUOUS: every facing pair resolves depth from contact to 5 mm"
 
 
 def test_a_facing_pair_beside_the_middle_one_is_named_when_only_it_is_dead() -> None:
     score = contiguous_score(PAIR)
     dead = replace(score.pairs[2], score=made_up_pair(onset_mm=3.0).score)
     words = sentences_of(PAIR, replace(score, verdict="DEADBAND", pairs=(*score.pairs[:2], dead))).verdict
-    assert words.startswith("DEADBAND: E3-R3 does not resolve depth from")
+    assert words.startswith("DEADBAND: E3-R3 does not resolve 0.")
 
 
 def test_the_plots_of_a_pad_follow_its_governing_pair() -> None:

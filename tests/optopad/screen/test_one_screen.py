@@ -16,12 +16,14 @@ from optopad.screen.verdict import (
     WIDTH,
     as_typed,
     bound_lines,
+    clause,
     findings_screen,
     score_lines,
     verdict_screen,
 )
 from optopad.screen.verdict_sentences import cause_sentence, sentences_of, unit_of
 from sims.verdict.causes import Cause, Witness
+from sims.verdict.depth_curve import trace_noise_warning
 from tests.design.for_each import for_each
 from tests.optopad.plain_words import words_of
 from tests.sims.made_up_bounds import made_up_bounds
@@ -75,7 +77,7 @@ def test_a_verdict_fits_on_one_screen(design, score, lack):
     assert lines[1].split()[1].rstrip(":,") == score.verdict
     onward = lines[lines.index(files) + 1 :]
     assert [line[:4] for line in onward] in (["next"], ["next", "    "])
-    assert "more warnings; see --details" in "\n".join(lines)
+    assert re.search(r"\d+ (more )?warnings: --details", re.sub(r"\s+", " ", " ".join(lines)))
 
 
 def test_the_errors_of_a_learner_are_below_the_bound_of_a_pad_and_of_nothing_else():
@@ -98,8 +100,8 @@ def test_the_errors_of_a_learner_are_below_the_bound_of_a_pad_and_of_nothing_els
 def test_the_mechanism_is_named_with_what_is_missing():
     said = {lack: cause_sentence(cause(lack)) for lack in LACKS}
     assert said["apart"] == (
-        "the modes are too far apart: reflected light (mode 1) is gone by 1.1 mm, and the tip never reaches the "
-        "direct path of E1-R5 (mode 2)"
+        "the modes are too far apart: under this press the reflected light of E1-R5 (mode 1) is gone by 1.12 mm, and "
+        "the tip never reaches its direct path (mode 2)"
     )
     assert not any("too low" in words or "too high" in words for words in said.values())
     assert [said[lack].split(":")[0] for lack in LACKS] == [
@@ -146,12 +148,12 @@ def test_the_next_command_follows_the_verdict():
 
     typed = "'my pad.toml' --set gain.target_counts=200"
     unsure = contiguous_score()
-    assert next_of(unsure).startswith(f"optopad improve {typed} (up to four verified designs that improve it")
+    assert next_of(unsure).startswith(f"optopad improve {typed} (up to four verified designs: minutes)")
     firm = replace(unsure, tolerance=replace(unsure.tolerance, rows=unsure.tolerance.rows[2:]))
     assert next_of(firm).startswith(f"optopad run {typed} (mold")
     assert "cad/mold.stl" in next_of(contiguous_score(), is_built=True)
     apart = replace(dead_score(), causes=(cause("apart"),))
-    assert next_of(apart).startswith(f"optopad improve {typed} (up to four verified designs that fix it")
+    assert next_of(apart).startswith(f"optopad improve {typed} (up to four verified designs: minutes)")
 
 
 def test_lengths_have_their_unit():
@@ -171,6 +173,8 @@ def test_findings_fit_on_one_screen_errors_first():
     assert lines[0] == "design      pad: 1 error, 9 warnings"
     assert lines[1].startswith("error       emitters.height_mm: too high (9 mm; needs at most 8 mm)")
     assert re.fullmatch(r" {12}and \d more; all of them with --details", lines[-1])
+    details = findings_screen("pad", found, command="score pad.toml", details=True)
+    assert re.sub(r"\s+", " ", " ".join(details)).count(str(found[0]).strip()) == 9
     assert findings_screen("pad", [], command="score pad.toml") == [
         "design      pad: 0 errors, 0 warnings",
         "next        optopad score pad.toml",
@@ -189,20 +193,39 @@ def test_an_undecided_verdict_of_facing_rows_names_the_pair():
 def test_the_screen_says_what_share_is_not_resolved():
     bounds = made_up_bounds(PAD)
     score = replace(contiguous_score(), bounds=bounds)
-    share = f"in {100 * bounds.blind_share:.0f} % of the volume x, y and depth together are not resolved"
-    if bounds.blind_share < 0.01:
-        share = "in less than 1 % of the volume x, y and depth together are not resolved"
-    assert share in re.sub(r"\s+", " ", " ".join(verdict_screen(PAD, score, [])))
-    assert share in sentences_of(PAD, score).resolution
-    assert share in "\n".join(bound_lines(bounds, is_facing=False))
+    share = f"{100 * bounds.blind_share:.0f} %" if bounds.blind_share >= 0.01 else "less than 1 %"
+    assert sentences_of(PAD, score).resolution.endswith(f"(median); unresolved in {share} of the volume")
+    assert sentences_of(PAD, score).resolution in re.sub(
+        r"[ \n]+", " ", " ".join(verdict_screen(PAD, score, []))
+    )
+    assert f"in {share} one frame does not resolve" in "\n".join(bound_lines(bounds, is_facing=False))
+    half = replace(bounds, location_mm=np.where(bounds.depth_mm > np.float64(0), np.inf, bounds.location_mm))
+    words = sentences_of(PAD, replace(score, bounds=half)).resolution
+    assert words.startswith("one frame does not resolve x, y and depth together in 100 % of the volume")
     resolved = replace(bounds, location_mm=np.where(np.isinf(bounds.location_mm), 0.1, bounds.location_mm))
     assert "not resolved" not in sentences_of(PAD, replace(score, bounds=resolved)).resolution
 
 
-def test_warnings_of_a_pad_that_would_not_work_come_first():
-    late = "board.settle_us: the amplifiers of R1 do not settle"
-    score = replace(contiguous_score(), warnings=(*(f"a long warning {n}" for n in range(20)), late))
-    assert any(line.endswith(late) for line in verdict_screen(PAD, score, []))
+def test_warnings_are_shown_in_the_scores_order_each_with_its_consequence():
+    texts = (
+        "board.settle_us: the amplifiers of R1 do not settle, so readings lag behind the light (5 us; needs 9 us)",
+        "4 of 16 pairs clip with a target of 1200 counts, which costs the resolution near the surface (E1-R1)",
+        trace_noise_warning(0.66),
+    )
+    score = replace(contiguous_score(), warnings=(*texts, *(f"another warning {n}" for n in range(20))))
+    shown = re.sub(r"\s+", " ", " ".join(verdict_screen(PAD, score, [])))
+    short = [clause(text) for text in texts]
+    assert short[0] == "the amplifiers of R1 do not settle, so readings lag behind the light"
+    assert clause("walls stiffen the pad by 4 % at the corner (6, 6) mm (a; b)").endswith("corner (6, 6) mm")
+    assert short[2] == "numerical error of single pairs 0.66 sigma, run with --fine"
+    assert "; ".join(short) in shown
+    assert not re.search("\N{HORIZONTAL ELLIPSIS}", shown)
+
+
+def test_facing_rows_print_their_margin_and_the_cause_of_the_pair_that_the_verdict_names():
+    score = replace(contiguous_score(PAIR), margin=4.2)
+    assert "the least of the facing pairs; a deadband is below 3 sigma" in sentences_of(PAIR, score).margin
+    assert sentences_of(PAIR, dead_score(PAIR)).margin == ""
 
 
 def test_no_line_of_bounds_has_a_number_that_is_none():

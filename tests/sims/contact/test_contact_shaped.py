@@ -99,7 +99,7 @@ def test_the_deepest_press_is_known_at_the_border_of_the_workspace(name: str) ->
 
 def test_what_is_not_covered_is_refused_by_its_field() -> None:
     with pytest.raises(ModelScopeError, match=r"indenter\.shape: 'flat_punch'"):
-        solved_press(DOME.with_(**{"indenter.shape": "flat_punch"}))
+        solved_press(DOME.with_(**{"indenter.shape": "flat_punch", "operating.max_depth_mm": 1.0}))
     with pytest.raises(ModelScopeError, match=r"the nearest wall is 0\.48 tip radii from the press axis"):
         solved_press(DISC, at_mm=(1.5, 27.5))
     with pytest.raises(InputError, match="must lie in the pad"):

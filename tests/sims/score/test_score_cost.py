@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from design.preset import preset
 from sims.bounds.observability import MANY_PAIRS_BOUNDS
+from sims.contact.indentation import force_in_advance, solved_press, wall_findings
 from sims.score.judge import MANY_PAIRS, SETTINGS
-from sims.score.scoring import score_cost
+from sims.score.scoring import score, score_cost
 
 
 def test_a_run_costs_more_than_a_score_and_says_so() -> None:
@@ -31,7 +34,37 @@ def test_the_time_is_that_of_the_stages_together(name: str) -> None:
     cost = score_cost(preset(name), fine=False, full=False)
     assert cost.core_s == pytest.approx(sum(cost.stages_s.values()))
     assert {"map", "bounds", "builds"} <= set(cost.stages_s)
-    assert all(seconds > 0.0 for seconds in cost.stages_s.values())
+    assert all(seconds > 0.0 for stage, seconds in cost.stages_s.items() if stage != "contact")
+    assert cost.stages_s["contact"] == 0.0
+
+
+def test_a_press_that_the_library_does_not_have_costs_minutes() -> None:
+    punch = preset("gripper-teensy").with_(**{"indenter.shape": "flat_punch", "operating.max_depth_mm": 0.9})
+    assert score_cost(punch, fine=False, full=False).stages_s["contact"] > 300.0
+
+
+def test_walls_that_change_a_punch_too_much_are_known_in_advance() -> None:
+    near = preset("gripper-teensy").with_(
+        **{
+            "indenter.shape": "flat_punch",
+            "indenter.tip_radius_mm": 2.5,
+            "operating.max_depth_mm": 1.6,
+            "operating.workspace_margin_mm": 1.6,
+        }
+    )
+    found = score(near)
+    assert found.verdict == "OUT_OF_MODEL_SCOPE"
+    assert re.search(
+        r"1\.6 mm deep at 4\.1, 4\.1 mm.*raise operating\.workspace_margin_mm to \d", found.reason
+    )
+    assert [*wall_findings(near.with_(**{"operating.workspace_margin_mm": 3.2}))] == []
+
+
+def test_the_force_in_advance_is_the_librarys_within_a_quarter() -> None:
+    pad = preset("piacenza2017-pad")
+    press = solved_press(pad)
+    for depth in (0.1, 0.6, 1.0, 1.6):
+        assert force_in_advance(pad, depth) == pytest.approx(press.smooth.force_at(depth), rel=0.25)
 
 
 def test_hundreds_of_pairs_are_judged_in_the_map_s_steps_and_by_lighter_bounds() -> None:

@@ -29,7 +29,7 @@ def caused(counts: float = 300.0, **light: float):
         counts=counts, pair=MIDDLE, press_mm=chord_midpoint_mm(cavity_of(PAIR), MIDDLE), **light
     )
     readout = Readout(counts_per_flux=counts / float(one.curves.total[0]), full_scale_counts=FULL_SCALE)
-    return causes_of_pairs(PAIR, [(one.curves, one.score)], readout), one
+    return causes_of_pairs(PAIR, [(one.curves, one.score)], readout, one.name), one
 
 
 def test_modes_too_far_apart():
@@ -72,7 +72,7 @@ def test_a_rise_that_makes_up_for_a_fall():
     curves = replace(one.curves, direct=direct, top=flat - direct, diffuse=0.0 * flat, total=flat)
     judged = replace(one.score, deadbands_mm=((1.0, 3.0),), saturation_mm=None)
     readout = Readout(counts_per_flux=300.0 / UNTOUCHED_FLUX, full_scale_counts=FULL_SCALE)
-    (cause,) = causes_of_pairs(PAIR, [(curves, judged)], readout)
+    (cause,) = causes_of_pairs(PAIR, [(curves, judged)], readout, one.name)
     assert cause.lack == "cancel"
     assert cause.witnesses[0].change == pytest.approx(0.0)
 

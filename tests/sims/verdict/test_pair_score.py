@@ -196,10 +196,10 @@ def test_noise_margin_of_several_pairs_is_that_of_the_worst():
 
 def test_a_fine_trace_draws_no_warning_and_a_coarse_one_names_value_limit_and_way_out():
     assert trace_noise_warning(0.5) is None
-    warning = trace_noise_warning(0.8, hidden_mm=0.4)
-    assert "0.8 sigma, limit 0.5 sigma" in warning
-    assert "hide up to 0.40 mm of deadband" in warning
-    assert "--fine" in warning
+    warning = trace_noise_warning(0.8)
+    assert "0.8 sigma" in warning
+    assert warning.endswith("run with --fine (it can pass for signal; limit 0.5 sigma)")
+    assert "even with --fine" in trace_noise_warning(0.8, fine=True)
 
 
 def test_the_threshold_widens_with_the_trace_error():

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from design.errors import InputError, ModelScopeError
+from design.rules.shape import LARGEST_REACH, WALL_RADIUS_RANGE
 from sims.contact.crown import crown_drop, require_rim
 from sims.contact.library.build import (
     all_pads,
@@ -23,7 +24,6 @@ from sims.contact.library.profile_library import (
     CROWN_CENTRE,
     CROWN_LAYERS,
     CROWN_RADII,
-    LARGEST_REACH,
     Library,
     largest_crown,
     library_differences,
@@ -38,7 +38,7 @@ from sims.contact.library.smooth_press import (
     off_crown,
 )
 from sims.contact.library.stored_press import stored_press
-from sims.contact.scope import WALL_RADIUS, WALL_RADIUS_RANGE
+from sims.contact.scope import WALL_RADIUS
 from tests.validation.contact.library_interpolation import distances_um
 
 DOME = (4.5, 5.5, 1 / 9)

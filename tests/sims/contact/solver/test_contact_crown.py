@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from design.errors import InputError, ModelScopeError
-from sims.contact.crown import LEAST_RIM_SHARE, crown_drop, crown_slope, require_rim
+from design.rules.shape import LEAST_RIM_SHARE
+from sims.contact.crown import crown_drop, crown_slope, require_rim
 from sims.contact.mesh import RIM_SPACING, finer_towards_end, graded_spacing, radial_mesh
 from sims.contact.wedge import WEDGE_ANGLE, solve_wedge, sweep
 
