@@ -87,7 +87,7 @@ def test_a_check_of_the_good_design_ends_with_zero(folder: Path, capsys: pytest.
     last = next(number for number, line in enumerate(lines) if line.startswith("next "))
     notes, onward = lines[:last], " ".join(lines[last:]).split()
     assert first == "design      bad: 0 errors, 0 warnings"
-    assert not [line for line in notes if not line.startswith(("note ", "rate ", " "))]
+    assert not [line for line in notes if not line.startswith(("note ", "size ", "rate ", " "))]
     assert onward == ["next", "optopad", "score", str(folder / FILE_NAME)]
 
 
