@@ -16,6 +16,7 @@ from typing import Any
 
 from design.io import write_text_atomically
 from design.progress import OnStep, silent
+from design.shape.cavity import cavity_of, is_facing_rows
 from design.spec import SensorDesign
 from fabrication.bundle import bundle, bundle_name
 from optopad.plot_files import write_plot
@@ -122,9 +123,7 @@ def _refined(variant: SensorDesign, row: SweepRow, kept: FinishedWork, seed: int
 
 
 def _judged_finer(variant: SensorDesign, setting: str, seed: int) -> Any:
-    from sims.score.scoring import score
-
-    return score(variant, fine=setting == FINE, full=setting == FULL, seed=seed, tolerance=False)
+    return _scored(variant, fine=setting == FINE, full=setting == FULL, seed=seed)
 
 
 def _judged(variant: SensorDesign, out: Path, *, fine: bool, seed: int, build: bool) -> Any:
@@ -132,9 +131,15 @@ def _judged(variant: SensorDesign, out: Path, *, fine: bool, seed: int, build: b
         from optopad.jobs.pipeline import run
 
         return run(variant, out, fine=fine, seed=seed, on_step=silent).score.found
+    return _scored(variant, fine=fine, seed=seed)
+
+
+def _scored(variant: SensorDesign, **settings: Any) -> Any:
+    """The score without effects of tolerances; for facing rows also without bounds, which take ten times as long."""
     from sims.score.scoring import score
 
-    return score(variant, fine=fine, seed=seed, tolerance=False)
+    is_facing = is_facing_rows(cavity_of(variant))
+    return score(variant, tolerance=False, verdict_only=is_facing, **settings)
 
 
 def _write(design: SensorDesign, out: Path, sweep: Sweep, seed: int) -> None:

@@ -28,6 +28,7 @@ from optopad.screen.verdict_sentences import (
     with_moves,
 )
 from sims.score.result import RESTS, UNDECIDED
+from sims.verdict.depth_curve import NUMERICAL
 
 if TYPE_CHECKING:
     from design.fields.finding import Finding
@@ -157,8 +158,12 @@ def row(label: str, text: str, most: int = 1) -> list[str]:
 
 
 def _to_show(score: ContinuityScore) -> list[str]:
-    """Warnings that no other line reports, as short forms, in the score's order: the most serious first."""
-    return [clause(text) for text in score.warnings if not text.startswith((RESTS, UNDECIDED))]
+    """Warnings that no other line reports, as short forms, in the score's order: the most serious first.
+
+    The numerical error of single pairs is a warning of facing rows alone, because no other verdict contains it.
+    """
+    elsewhere = (RESTS, UNDECIDED) if score.is_facing_rows else (RESTS, UNDECIDED, NUMERICAL)
+    return [clause(text) for text in score.warnings if not text.startswith(elsewhere)]
 
 
 def _warnings(texts: Sequence[str], room: int) -> list[str]:

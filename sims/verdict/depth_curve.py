@@ -103,6 +103,9 @@ TRACE_ERROR_LIMIT: Final = 0.5
 """Largest numerical standard error that a verdict accepts without a warning [noise units]. The range that
 it adds over a typical deadband, 4.09 times itself, stays below the threshold of 3."""
 
+NUMERICAL: Final = "numerical error of single pairs"
+"""Start of the warning about this error. The verdict of a pad is free of it: its frames come from two traces."""
+
 TRACE_ERROR_SPREAD: Final = 4.09
 """Range that independent errors add over a deadband, in standard errors [-]; [T]."""
 
@@ -409,7 +412,7 @@ def trace_noise_warning(margin: float, *, fine: bool = False, limit: float = TRA
         return None
     remedy = "even with --fine" if fine else "run with --fine"
     size, most = f"{margin:.2g} sigma", f"{limit:.2g} sigma"
-    return f"numerical error of single pairs {size}, {remedy} (it can pass for signal; limit {most})"
+    return f"{NUMERICAL} {size}, {remedy} (it can pass for signal; limit {most})"
 
 
 Interval = tuple[float, float]
