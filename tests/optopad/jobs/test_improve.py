@@ -63,7 +63,7 @@ def with_made_up_physics(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(objective, "judge", lambda design, limits, **_: judge(design, limits))
     monkeypatch.setattr(improvement, "verdict_of", scored)
-    for also in ("with_tolerance", "with_field_steps"):
+    for also in ("with_tolerance", "with_field_steps", "with_bounds"):
         monkeypatch.setattr(improvement, also, lambda _design, found, **_: found)
 
 
