@@ -396,13 +396,32 @@ def _step_within(path: str, value: float, low: float, high: float) -> float | No
 
 def changes_of(space: SearchSpace, parameters: Mapping[str, Value]) -> dict[str, Any]:
     """Values of the fields that differ from the base design, by dotted path."""
-    changed = space.changed(parameters).model_dump(mode="json")
-    base = space.base.model_dump(mode="json")
-    return {
-        field.path: get_at(changed, field.path)
-        for field in space.fields
-        if get_at(changed, field.path) != get_at(base, field.path)
-    }
+    return dict(_difference(space, parameters)[0])
+
+
+def _difference(space: SearchSpace, parameters: Mapping[str, Value]) -> tuple[dict[str, Any], float]:
+    """Changed values by dotted path, and the sum of the changes, each as a share of its field's range; kept."""
+    key = (space.digest, tuple(sorted(parameters.items())))
+    if key not in _KNOWN:
+        changed, base = (one.model_dump(mode="json") for one in (space.changed(parameters), space.base))
+        changes, size = dict[str, Any](), 0.0
+        for each in space.fields:
+            now, was = get_at(changed, each.path), get_at(base, each.path)
+            if now == was:
+                continue
+            changes[each.path] = now
+            if each.path == TARGET:
+                continue  # another resistor costs nothing, so that its best value counts and not the nearest
+            if each.low is None or each.high is None:
+                size += 0.5
+            else:
+                size += abs(float(now) - float(was)) / (each.high - each.low)
+        _KNOWN[key] = changes, size
+    return _KNOWN[key]
+
+
+_KNOWN: dict[tuple[str, tuple[tuple[str, Value], ...]], tuple[dict[str, Any], float]] = {}
+"""Changes of points, since designs are compared many times."""
 
 
 def worth(judged: Judged) -> tuple[bool, float, float, float]:
@@ -486,7 +505,7 @@ def picks(
     return [
         Pick(kind=kind, tried=one)
         for kind in kinds
-        for one in sorted(chosen[kind], key=lambda one: ORDERS[kind](space, one, accuracy))  # noqa: B023
+        for one in sorted(chosen[kind], key=lambda one: ORDERS[kind](space, one, accuracy))
     ]
 
 
@@ -572,15 +591,5 @@ def _smaller(judged: Judged, figure: str) -> float:
 
 def cost_of(space: SearchSpace, one: Tried) -> tuple[int, float]:
     """Number of changed fields, and the sum of the changes, each as a share of its field's range."""
-    changes, base = changes_of(space, one.parameters), space.base.model_dump(mode="json")
-    changed = [field for field in space.fields if field.path in changes]
-    size = 0.0
-    for each in changed:
-        if each.path == TARGET:
-            continue  # another resistor costs nothing, so that its best value counts and not the nearest
-        if each.low is None or each.high is None:
-            size += 0.5
-        else:
-            by = float(one.parameters[each.path]) - float(get_at(base, each.path))
-            size += abs(by) / (each.high - each.low)
-    return len(changed), size
+    changes, size = _difference(space, one.parameters)
+    return len(changes), size

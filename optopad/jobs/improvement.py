@@ -256,7 +256,7 @@ class Costs:
             tolerance_s=0.5 * stages["builds"],
         )
 
-    def of_search(self, space: SearchSpace, tried: Sequence[Tried]) -> float:
+    def of_search(self, tried: Sequence[Tried]) -> float:
         """Processor time of a search [s]; refused designs cost nothing, and designs whose light is known hardly any."""
         lit = [_light_of(one) for one in tried if one.digest and not one.judged.reason.startswith("breaks")]
         return len(set(lit)) * self.trial_s + (len(lit) - len(set(lit))) * KNOWN_S
@@ -271,9 +271,9 @@ def _refined(again: Confirmation, findings: Findings, number: int, *, starts: in
     """Variations of the best designs, while the search's share of the budget lasts."""
     space, tried = again.space, again.with_aim(findings.tried)
     share = SEARCH if any(is_possible(one.judged) for one in tried) else HARD_SEARCH
-    if number >= len(MOVES) and again.costs.of_search(space, tried) >= share * again.costs.budget_s:
+    if number >= len(MOVES) and again.costs.of_search(tried) >= share * again.costs.budget_s:
         return []
-    for round_number in range(number, MOST_ROUNDS):
+    for round_number in range(number, min(number + 2 * len(MOVES), MOST_ROUNDS)):
         points = refinements(space, tried, round_number, starts=starts, aim=again.by_aim)
         if allowed := [one for one in points if is_allowed(space, one)]:
             return allowed
@@ -443,7 +443,7 @@ class Confirmation:
 
         For a pad, the best designs get their bounds of location and depth.
         """
-        self.spent_s += self.costs.of_search(self.space, tried)
+        self.spent_s += self.costs.of_search(tried)
         self.base = replace(base, verdict=self.before.verdict)
         if self.aim in SIZE_AIMS:
             self.base = replace(self.base, figures=self.base.figures | sizes_of(self.space.base))
