@@ -443,7 +443,7 @@ def _by_figure(figure: str) -> Order:
 
 ORDERS: dict[Kind, Order] = {
     "fewest changes": lambda space, one, _: (*cost_of(space, one), -margin_of(one.judged)),
-    "most robust": lambda _, one, __: (-_ample(one.judged), -usable_of(one.judged)),
+    "most robust": lambda _, one, __: (-margin_of(one.judged), -usable_of(one.judged)),
     "most depth": lambda _, one, __: (-round(usable_of(one.judged) / NEAR_BEST_MM), -margin_of(one.judged)),
     "best accuracy": lambda space, one, figure: (_smaller(one.judged, figure), *cost_of(space, one)),
     "margin": lambda _, one, __: (-margin_of(one.judged), -usable_of(one.judged)),
@@ -489,7 +489,8 @@ def picks(
     }
     if is_sound(base, safe) and enough:  # no need to fix: others must beat the first pick
         first = min(enough, key=lambda one: ORDERS["fewest changes"](space, one, accuracy)).judged
-        chosen["most robust"] = [one for one in enough if _is_stronger(one.judged, first)]
+        more = (1.0 + WORTH_MARGIN) * margin_of(first)
+        chosen["most robust"] = [one for one in enough if margin_of(one.judged) > more]
         chosen["best accuracy"] = [
             one for one in chosen["best accuracy"] if _is_finer(one.judged, first, accuracy)
         ]

@@ -626,13 +626,14 @@ class Confirmation:
 
     def _offered(self) -> tuple[Alternative, ...]:
         """The alternatives, with bounds; a choice is made again if bounds that were added change it."""
-        while True:
-            chosen = self._chosen()
+        chosen = self._chosen()
+        for _ in range(MOST_OFFERED):
             lacking = [one for _, one in chosen if one.score.bounds is None]
             for one in lacking:
                 self._with_bounds(one)
             if not lacking:
                 break
+            chosen = self._chosen()
         return tuple(
             Alternative(
                 kind=kind,
