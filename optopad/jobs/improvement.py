@@ -13,7 +13,7 @@ the original, the best of each kind is offered, and one whose verdict no unmeasu
 figures that are shown are those of the score. If no design is better, the best of the scored designs is reported.
 
 The error of quick light mostly has the same sign for similar designs. The median by which quick light overrates the
-margin in the scored designs is therefore subtracted for the others.
+margin in the scored designs is therefore subtracted for the others; near a scored design, its own difference.
 
 The budget is counted in processor time as it usually is (`sims.score.scoring.score_cost`), not as it was measured: the
 same seed gives the same designs on every machine.
@@ -399,6 +399,7 @@ class Confirmation:
         self._sizes: dict[str, dict[str, float | None]] = {}
         self.overrated, self.most_mm = 0.0, math.inf
         self._differences = [0.0]
+        self._overrates: list[tuple[Tried, float]] = []
         self._lit, self._bounded = set[object](), set[object]()
         before = self.verdict(space.base)
         self.before = with_bounds(space.base, before, on_step=tell)
@@ -505,8 +506,26 @@ class Confirmation:
         every = picks(self.space, self.base, fresh, self.accuracy, self.most_mm, kinds=(kind,))
         candidates = [pick.tried for pick in every]
         margin = DEADBAND_THRESHOLD if kind == "most depth" else SAFE_MARGIN
-        safe = [one for one in candidates if margin_of(one.judged) - self.overrated >= margin]
-        return safe[0] if safe else max(candidates, key=_worth, default=None)
+        corrected = [
+            replace(
+                one, judged=replace(one.judged, figures=one.judged.figures | {"margin": self._expected(one)})
+            )
+            for one in candidates
+        ]
+        safe = [one for one in corrected if margin_of(one.judged) >= margin]
+        if kind in ("margin", "most robust"):
+            safe.sort(key=lambda one: ORDERS[kind](self.space, one, self.accuracy))
+        best = safe[0] if safe else max(corrected, key=_worth, default=None)
+        return next((one for one in candidates if best is not None and one.number == best.number), None)
+
+    def _expected(self, one: Tried) -> float:
+        """Margin that a score is expected to find: quick light overrates similar designs alike [sigma]."""
+        near = [
+            difference
+            for other, difference in self._overrates
+            if is_near(self.space, one, other, apart_from=(TARGET,))
+        ]
+        return margin_of(one.judged) - max([self.overrated, *near])
 
     @property
     def _taken(self) -> set[int]:
@@ -516,6 +535,8 @@ class Confirmation:
         """Score a design, and, if its verdict is good or nearly so, the same design with other targets of the gain."""
         score = self._scored(one)
         self._learn(one.judged, score)
+        if score.margin is not None:
+            self._overrates.append((one, margin_of(one.judged) - score.margin))
         if (score.margin or 0.0) > 0.5 * DEADBAND_THRESHOLD:
             for point in gain_points(self.space, one.parameters):
                 if is_allowed(self.space, point):

@@ -390,8 +390,8 @@ def hand() -> None:
 def hand_section(known: dict[str, Any]) -> str:
     rows = []
     for key, one in known.items():
-        told = ", ".join(f"{path} = {value}" for path, value in one.get("changes", {}).items())
-        cells = [f"{key}: {told}" if told else key, one["verdict"]]
+        changed = ", ".join(f"{path} = {value}" for path, value in one.get("changes", {}).items())
+        cells = [f"{key}: {changed}" if changed else key, one["verdict"]]
         cells += ["-" if one[name] is None else f"{one[name]:.3g}" for name, _, _ in FIGURES.values()]
         rows.append("| " + " | ".join([*cells, f"{100 * one['unresolved_share']:.0f} %"]) + " |")
     by_hand = {
