@@ -160,6 +160,7 @@ def improve(
     vary: Mapping[str, tuple[float, float] | None] | None = None,
     keep: Sequence[str] = (),
     more_parts: bool = False,
+    aim: str | None = None,
     budget_min: float | None = None,
     seed: int = 0,
     out: str | PathLike[str] = OUT,
@@ -174,11 +175,13 @@ def improve(
     vary : fields to vary in addition to the default ones, each with its range or None for the default range
     keep : fields to leave unchanged
     more_parts : whether the search may also add parts to a side
+    aim : what better means: margin, location, contact, size or flush; None for few changes, robustness, depth and
+        accuracy
     budget_min : approximate time on two idle cores [min]; None for 3 min for a pad, 2 min for facing rows
 
     Raises
     ------
-    DesignError, InputError : the design, a field, a range or the budget is invalid.
+    DesignError, InputError : the design, a field, a range, the aim or the budget is invalid.
     """
     from optopad.jobs.improvement import improve as search_around
 
@@ -188,6 +191,7 @@ def improve(
         vary=vary,
         keep=keep,
         more_parts=more_parts,
+        aim=aim,
         budget_min=budget_min,
         seed=seed,
         on_step=on_step,

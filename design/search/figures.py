@@ -67,6 +67,9 @@ FIGURES: dict[str, Figure] = {
     "depth_bound_mm": Figure(
         unit="mm", better="minimize", meaning="Cramér-Rao bound of the depth, median over the pad's voxels"
     ),
+    "detection_force_n": Figure(
+        unit="N", better="minimize", meaning="load from which a press is detected at the worst location"
+    ),
     "dead_share": Figure(
         unit="1", better="minimize", meaning="share of voxels where location or depth cannot be resolved"
     ),
@@ -77,9 +80,15 @@ FIGURES: dict[str, Figure] = {
         meaning="price of emitters and receivers, where the catalogue has one",
     ),
     "pad_height_mm": Figure(unit="mm", better="minimize", meaning="clear and black layer together"),
+    "outer_volume_cm3": Figure(
+        unit="cm3", better="minimize", meaning="outer length, width and height of the mold, multiplied"
+    ),
+    "above_surface_mm": Figure(
+        unit="mm", better="minimize", meaning="height of the rim, or of the highest body, above the surface"
+    ),
 }
 
-BOUND_FIGURES = frozenset({"location_bound_mm", "depth_bound_mm", "dead_share"})
+BOUND_FIGURES = frozenset({"location_bound_mm", "depth_bound_mm", "dead_share", "detection_force_n"})
 """Figures that take a long time to compute, because they need the Fisher information of the whole pad."""
 
 

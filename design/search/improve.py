@@ -16,15 +16,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any
 
 from design.errors import DesignError, InputError
 from design.fields.base import get_at, known_paths, nearest, unknown_path
-from design.search.figures import BOUND_FIGURES, FIGURES
+from design.rules.check import check
+from design.search.figures import FIGURES
 from design.search.space import ROUND_DIGITS, SearchSpace, Value, space_from
 from design.spec import SensorDesign
 from design.spec.cheap_fields import ALONG, CLEAR, HEIGHTS, TARGET, cheap_fields
 
+LOCATION = "location_bound_mm"
 UNUSABLE = 10.0
 """Violation of a design that breaks a rule or is outside the models; in practice, no missed limit has more."""
 
@@ -110,6 +112,7 @@ class Tried:
     judged : result of the objective
     is_feasible : whether the design was judged completely and satisfies all limits
     seconds : computing time [s]
+    also : new values of fields outside the space that follow from the design, such as a smaller mold
     """
 
     number: int
@@ -118,6 +121,7 @@ class Tried:
     judged: Judged
     is_feasible: bool
     seconds: float
+    also: Mapping[str, Any] = field(default_factory=dict)
 
 
 Objective = Callable[[SensorDesign, tuple[Limit, ...]], Judged]
@@ -168,15 +172,25 @@ def _limit(figure: str, constraint: object, base: Judged) -> Limit:
     return Limit(figure=figure, equals=getattr(constraint, "equals"), **said)  # noqa: B009
 
 
-Kind = Literal["fewest changes", "most robust", "most depth", "best accuracy"]
+Kind = str
 Range = tuple[float, float]
 KINDS: tuple[Kind, ...] = ("fewest changes", "most robust", "most depth", "best accuracy")
-STEPS = {**dict.fromkeys(HEIGHTS, 0.1), CLEAR: 0.25, TARGET: 25.0}
+AIMS: dict[Kind, str] = {
+    "margin": "margin",
+    "location": "location_bound_mm",
+    "contact": "detection_force_n",
+    "size": "outer_volume_cm3",
+    "flush": "above_surface_mm",
+}
+"""What a user may aim for, each with the figure that says which design is better."""
+STEPS = {**dict.fromkeys(HEIGHTS, 0.1), CLEAR: 0.25}
 """Step of each field that varies by default, in the field's unit; the step of other fields is a 50th of their range."""
-REACH = {**dict.fromkeys(HEIGHTS, 3.0), CLEAR: 4.0, TARGET: 200.0}
-"""How far a field varies by default on each side of its value in the base design, in the field's unit."""
+CLEAR_REACH_MM = 4.0
+"""How far the thickness of the clear layer varies by default on each side of its value [mm]."""
 ALONG_REACH_MM, ALONG_STEP_MM = 2.0, 0.25
 """How far the pitch and shift of parts along a wall vary by default on each side of their value, and their step."""
+COUNT_STEPS, ROUND_STEPS = 30.0, (1.0, 2.0, 2.5, 5.0, 10.0)
+"""Smallest number of steps in the range of the gain's target, and leading digits of a step."""
 SAFE_MARGIN = 4.5
 """Margin [sigma] in a quick search above which an accurate score is assumed to find no deadband either."""
 AMPLE_MARGIN = 2.0 * SAFE_MARGIN
@@ -205,6 +219,8 @@ def improvement_space(
     vary: Mapping[str, Range | None],
     keep: Sequence[str],
     more_parts: bool,
+    most_counts: float = math.inf,
+    aim: Kind | None = None,
     trials: int,
     seed: int,
     figures: Sequence[str],
@@ -216,6 +232,8 @@ def improvement_space(
     vary : additional fields to vary: range (low, high) by dotted path, or None for the field's default range
     keep : dotted paths of fields that must not change
     more_parts : whether layouts may have more parts per side
+    most_counts : largest useful `gain.target_counts`
+    aim : what better means (`AIMS`), a part of the search's name; None for the usual kinds
     figures : objectives, the most important first
 
     Raises
@@ -223,7 +241,10 @@ def improvement_space(
     InputError : a field cannot vary or is both in `vary` and `keep`, or no field remains to vary.
     DesignError : a field does not exist, or its range has values that are not valid.
     """
-    fields = {field["path"]: field for field in _usual_fields(design, more_parts=more_parts)}
+    fields = {
+        field["path"]: field
+        for field in _usual_fields(design, more_parts=more_parts, most_counts=most_counts)
+    }
     both = sorted(set(vary) & set(keep))
     if both:
         raise InputError(f"--vary and --keep: {', '.join(both)} is given to both; keep one of the two")
@@ -239,7 +260,7 @@ def improvement_space(
         raise InputError("--keep: nothing is left to vary; keep fewer fields, or name one with --vary")
     return space_from(
         {
-            "name": f"improve-{design.name}"[:63].rstrip("."),
+            "name": "-".join(filter(None, ("improve", aim, design.name)))[:63].rstrip("."),
             "base": design.model_dump(mode="json"),
             "fields": list(fields.values()),
             "objectives": [{"figure": figure} for figure in figures],
@@ -251,8 +272,9 @@ def improvement_space(
     )
 
 
-def _usual_fields(design: SensorDesign, *, more_parts: bool) -> list[dict[str, Any]]:
-    found = [_field(design, path, None) for path in cheap_fields(design)]
+def _usual_fields(design: SensorDesign, *, more_parts: bool, most_counts: float) -> list[dict[str, Any]]:
+    found = [_field(design, path, None, most_counts=most_counts) for path in cheap_fields(design)]
+    found = [one for one in found if one["low"] < one["high"]]
     for number, pattern in enumerate(design.layout):
         if pattern.pattern in ("alternating_ring", "disc_ring"):
             found.append({"path": f"layout.{number}.first", "choices": ["emitter", "receiver"]})
@@ -266,7 +288,9 @@ def _usual_fields(design: SensorDesign, *, more_parts: bool) -> list[dict[str, A
     return found
 
 
-def _field(design: SensorDesign, path: str, given: Range | None) -> dict[str, Any]:
+def _field(
+    design: SensorDesign, path: str, given: Range | None, *, most_counts: float = math.inf
+) -> dict[str, Any]:
     try:
         value = get_at(design.model_dump(mode="json"), path)
     except (KeyError, IndexError, TypeError, ValueError):
@@ -280,15 +304,79 @@ def _field(design: SensorDesign, path: str, given: Range | None) -> dict[str, An
                 f"--vary: {path}={low:g}:{high:g} is an empty range; give a lower and a higher end"
             )
         return {"path": path, "low": low, "high": high, "step": _step_within(path, value, low, high)}
+    low, high, step = _usual_range(design, path, value, most_counts)
+    steps_down, steps_up = (int(max(reach, 0.0) / step + 1e-6) for reach in (value - low, high - value))
+    low, high = value - steps_down * step, value + steps_up * step
+    return {"path": path, "low": round(low, ROUND_DIGITS), "high": round(high, ROUND_DIGITS), "step": step}
+
+
+def _usual_range(
+    design: SensorDesign, path: str, value: float, most_counts: float
+) -> tuple[float, float, float]:
+    """Lowest and highest value of a field by default, and its step.
+
+    Heights and thickness end where a rule of parts and mold refuses them; the thickest layer decides on the heights.
+    """
+    if path == TARGET:
+        high = max(min(most_counts, 2.0 * 65535.0 / 3.0), value)
+        step = _round_step(high / COUNT_STEPS)
+        return 0.2 * value, high, step
+    if path == CLEAR:
+        step = STEPS[CLEAR]
+        reach = max(min(CLEAR_REACH_MM, 0.8 * value), step)
+        return (
+            _last_allowed(design, path, value, -step, value - reach),
+            _last_allowed(design, path, value, step, value + reach),
+            step,
+        )
+    if path in HEIGHTS:
+        thick = _usual_range(design, CLEAR, design.cavity.clear_thickness_mm, most_counts)[1]
+        tall = design.with_(**{CLEAR: thick})
+        base = tall if not _broken(tall) else design
+        step = STEPS[path]
+        return (
+            _last_allowed(design, path, value, -step, 0.0),
+            _last_allowed(base, path, value, step, base.cavity.clear_thickness_mm),
+            step,
+        )
     along = path.endswith(ALONG)
-    reach = ALONG_REACH_MM if along else REACH.get(path, 0.25 * abs(value) or 1.0)
-    step = ALONG_STEP_MM if along else STEPS.get(path, reach / 25.0)
+    reach = ALONG_REACH_MM if along else 0.25 * abs(value) or 1.0
+    step = ALONG_STEP_MM if along else reach / 25.0
     if isinstance(value, int):
         reach, step = max(round(reach), 1), 1.0
     down = reach if path.endswith("shift_mm") else min(reach, 0.8 * value)
-    steps_down = int(down / step + 1e-6)
-    low, high = value - steps_down * step, value + int(reach / step + 1e-6) * step
-    return {"path": path, "low": round(low, ROUND_DIGITS), "high": round(high, ROUND_DIGITS), "step": step}
+    return value - down, value + reach, step
+
+
+def _round_step(about: float) -> float:
+    """The step of one to two leading digits that is nearest to a number."""
+    power = 10.0 ** math.floor(math.log10(about))
+    return power * min(ROUND_STEPS, key=lambda digit: abs(digit * power - about))
+
+
+def _last_allowed(design: SensorDesign, path: str, value: float, step: float, end: float) -> float:
+    """The last value before `end`, in steps from the field's value, that no rule refuses (found by bisection)."""
+    good, bad = 0, int(abs(end - value) / abs(step) + 1e-6) + 1
+    while bad - good > 1:
+        middle = (good + bad) // 2
+        try:
+            is_bad = _broken(design.with_(**{path: round(value + middle * step, ROUND_DIGITS)}))
+        except DesignError:
+            is_bad = True
+        good, bad = (good, middle) if is_bad else (middle, bad)
+    return value + good * step
+
+
+def _broken(design: SensorDesign) -> bool:
+    return any(one.severity == "error" for one in check(design))
+
+
+def is_allowed(space: SearchSpace, point: Mapping[str, Value]) -> bool:
+    """Whether the design at a point exists and breaks no rule, so that light is worth tracing for it."""
+    try:
+        return not _broken(space.changed(point))
+    except DesignError:
+        return False
 
 
 def _step_within(path: str, value: float, low: float, high: float) -> float | None:
@@ -308,13 +396,32 @@ def _step_within(path: str, value: float, low: float, high: float) -> float | No
 
 def changes_of(space: SearchSpace, parameters: Mapping[str, Value]) -> dict[str, Any]:
     """Values of the fields that differ from the base design, by dotted path."""
-    changed = space.changed(parameters).model_dump(mode="json")
-    base = space.base.model_dump(mode="json")
-    return {
-        field.path: get_at(changed, field.path)
-        for field in space.fields
-        if get_at(changed, field.path) != get_at(base, field.path)
-    }
+    return dict(_difference(space, parameters)[0])
+
+
+def _difference(space: SearchSpace, parameters: Mapping[str, Value]) -> tuple[dict[str, Any], float]:
+    """Changed values by dotted path, and the sum of the changes, each as a share of its field's range; kept."""
+    key = (space.digest, tuple(sorted(parameters.items())))
+    if key not in _KNOWN:
+        changed, base = (one.model_dump(mode="json") for one in (space.changed(parameters), space.base))
+        changes, size = dict[str, Any](), 0.0
+        for each in space.fields:
+            now, was = get_at(changed, each.path), get_at(base, each.path)
+            if now == was:
+                continue
+            changes[each.path] = now
+            if each.path == TARGET:
+                continue  # another resistor costs nothing, so that its best value counts and not the nearest
+            if each.low is None or each.high is None:
+                size += 0.5
+            else:
+                size += abs(float(now) - float(was)) / (each.high - each.low)
+        _KNOWN[key] = changes, size
+    return _KNOWN[key]
+
+
+_KNOWN: dict[tuple[str, tuple[tuple[str, Value], ...]], tuple[dict[str, Any], float]] = {}
+"""Changes of points, since designs are compared many times."""
 
 
 def worth(judged: Judged) -> tuple[bool, float, float, float]:
@@ -327,45 +434,88 @@ def worth(judged: Judged) -> tuple[bool, float, float, float]:
     )
 
 
+Order = Callable[[SearchSpace, Tried, str], tuple[float, ...]]
+
+
+def _by_figure(figure: str) -> Order:
+    return lambda _, one, __: (_smaller(one.judged, figure), -margin_of(one.judged))
+
+
+ORDERS: dict[Kind, Order] = {
+    "fewest changes": lambda space, one, _: (*cost_of(space, one), -margin_of(one.judged)),
+    "most robust": lambda _, one, __: (-margin_of(one.judged), -usable_of(one.judged)),
+    "most depth": lambda _, one, __: (-round(usable_of(one.judged) / NEAR_BEST_MM), -margin_of(one.judged)),
+    "best accuracy": lambda space, one, figure: (_smaller(one.judged, figure), *cost_of(space, one)),
+    "margin": lambda _, one, __: (-margin_of(one.judged), -usable_of(one.judged)),
+    **{aim: _by_figure(figure) for aim, figure in AIMS.items() if aim != "margin"},
+}
+"""Sort key of each kind of recommendation; smaller is better. It receives the space, a design, and the figure that
+measures accuracy."""
+
+
 def picks(
-    space: SearchSpace, base: Judged, tried: Sequence[Tried], accuracy: str, most_mm: float = math.inf
+    space: SearchSpace,
+    base: Judged,
+    tried: Sequence[Tried],
+    accuracy: str,
+    most_mm: float = math.inf,
+    *,
+    kinds: Sequence[Kind] = KINDS,
+    safe: float = SAFE_MARGIN,
 ) -> list[Pick]:
     """Recommended designs of each kind ("fewest changes", "most robust", ...), the best of each kind first.
 
     Parameters
     ----------
-    accuracy : figure that measures accuracy; "best accuracy" needs a figure of the whole pad (`BOUND_FIGURES`)
+    accuracy : figure that measures accuracy; "best accuracy" needs the location bound, a figure of the whole pad
     most_mm : upper limit of the greatest usable depth [mm], with which the other designs are compared
+    kinds : the kinds that are wanted; of an aim, designs count that have no less depth than the base design
+    safe : margin at which a design counts as free of deadbands [sigma]
     """
-    possible = [one for one in tried if is_possible(one.judged) and changes_of(space, one.parameters)]
+    possible = [
+        one for one in tried if is_possible(one.judged) and (one.also or changes_of(space, one.parameters))
+    ]
     if not possible:
         return []
     most = min(max(usable_of(one.judged) for one in possible), most_mm)
-    changed = [one for one in possible if betters(base, one.judged, accuracy)]
-    fine = [
-        one for one in changed if accuracy in BOUND_FIGURES and math.isfinite(_accuracy(one.judged, accuracy))
-    ]
+    changed = [one for one in possible if betters(base, one.judged, accuracy, safe)]
     deep = [one for one in changed if usable_of(one.judged) >= most - NEAR_BEST_MM]
     enough = [one for one in changed if usable_of(one.judged) >= ENOUGH_SHARE * most]
-    orders = {
-        "fewest changes": lambda one: (cost_of(space, one), -margin_of(one.judged)),
-        "most robust": lambda one: (-min(margin_of(one.judged), AMPLE_MARGIN), -usable_of(one.judged)),
-        "most depth": lambda one: (-round(usable_of(one.judged) / NEAR_BEST_MM), -margin_of(one.judged)),
-        "best accuracy": lambda one: (_accuracy(one.judged, accuracy), cost_of(space, one)),
-    }
     chosen = {
         "fewest changes": enough,
         "most robust": enough,
         "most depth": changed,
-        "best accuracy": [one for one in fine if one in deep],
+        "best accuracy": [one for one in deep if accuracy == LOCATION and _is_known(one.judged, accuracy)],
     }
-    if is_sound(base) and enough:  # no need to fix: others must beat the first pick
-        first = min(enough, key=orders["fewest changes"]).judged
-        chosen["most robust"] = [one for one in enough if _is_stronger(one.judged, first)]
+    if is_sound(base, safe) and enough:  # no need to fix: others must beat the first pick
+        first = min(enough, key=lambda one: ORDERS["fewest changes"](space, one, accuracy)).judged
+        more = (1.0 + WORTH_MARGIN) * margin_of(first)
+        chosen["most robust"] = [one for one in enough if margin_of(one.judged) > more]
         chosen["best accuracy"] = [
             one for one in chosen["best accuracy"] if _is_finer(one.judged, first, accuracy)
         ]
-    return [Pick(kind=kind, tried=one) for kind in KINDS for one in sorted(chosen[kind], key=orders[kind])]
+    least = usable_of(base) - NEAR_BEST_MM if is_sound(base, safe) else ENOUGH_SHARE * most
+    for aim, figure in AIMS.items():
+        chosen[aim] = [
+            one
+            for one in possible
+            if usable_of(one.judged) >= least
+            and _is_known(one.judged, figure)
+            and (not is_sound(base, safe) or _smaller(one.judged, figure) < _smaller(base, figure))
+        ]
+    return [
+        Pick(kind=kind, tried=one)
+        for kind in kinds
+        for one in sorted(chosen[kind], key=lambda one: ORDERS[kind](space, one, accuracy))
+    ]
+
+
+def _is_known(judged: Judged, figure: str) -> bool:
+    return math.isfinite(_smaller(judged, figure))
+
+
+def _ample(judged: Judged) -> float:
+    return min(margin_of(judged), AMPLE_MARGIN)
 
 
 def is_possible(judged: Judged) -> bool:
@@ -393,28 +543,28 @@ def betters(base: Judged, judged: Judged, accuracy: str, safe: float = SAFE_MARG
     deeper = usable_of(judged) - usable_of(base)
     if deeper > NEAR_BEST_MM:
         return True
-    keeps = margin_of(judged) >= min(margin_of(base), AMPLE_MARGIN)
+    keeps = margin_of(judged) >= _ample(base)
     finer = keeps and _is_finer(judged, base, accuracy)
     return deeper > -NEAR_BEST_MM and (finer or _is_stronger(judged, base))
 
 
 def _is_stronger(judged: Judged, other: Judged) -> bool:
     """Whether the margin of `judged`, capped at `AMPLE_MARGIN`, exceeds that of `other` by the share `WORTH_MARGIN`."""
-    return min(margin_of(judged), AMPLE_MARGIN) > (1.0 + WORTH_MARGIN) * margin_of(other)
+    return _ample(judged) > (1.0 + WORTH_MARGIN) * margin_of(other)
 
 
 def _is_finer(judged: Judged, other: Judged, accuracy: str) -> bool:
     """Whether `judged` is more accurate than `other` by more than the share `WORTH_ACCURACY`."""
-    was = _accuracy(other, accuracy)
+    was = _smaller(other, accuracy)
     if math.isinf(was):
-        return math.isfinite(_accuracy(judged, accuracy))
-    return was - _accuracy(judged, accuracy) > WORTH_ACCURACY * abs(was)
+        return math.isfinite(_smaller(judged, accuracy))
+    return was - _smaller(judged, accuracy) > WORTH_ACCURACY * abs(was)
 
 
-def is_near(space: SearchSpace, one: Tried, other: Tried) -> bool:
-    """Whether two designs differ little in every field."""
+def is_near(space: SearchSpace, one: Tried, other: Tried, *, apart_from: Sequence[str] = ()) -> bool:
+    """Whether two designs differ little in every field, apart from the fields in `apart_from`."""
     return all(
-        one.parameters[field.path] == other.parameters[field.path]
+        field.path in apart_from or one.parameters[field.path] == other.parameters[field.path]
         if field.low is None or field.high is None
         else abs(float(one.parameters[field.path]) - float(other.parameters[field.path]))
         <= NEAR_SHARE * (field.high - field.low)
@@ -432,8 +582,8 @@ def usable_of(judged: Judged) -> float:
     return float(judged.figures.get("usable_depth_mm") or 0.0)
 
 
-def _accuracy(judged: Judged, figure: str) -> float:
-    """Accuracy figure of a result, with its sign chosen so that smaller is better; infinite if unknown."""
+def _smaller(judged: Judged, figure: str) -> float:
+    """Figure of a result, with its sign chosen so that smaller is better; infinite if unknown."""
     value = judged.figures.get(figure)
     if value is None:
         return float("inf")
@@ -442,13 +592,5 @@ def _accuracy(judged: Judged, figure: str) -> float:
 
 def cost_of(space: SearchSpace, one: Tried) -> tuple[int, float]:
     """Number of changed fields, and the sum of the changes, each as a share of its field's range."""
-    changes, base = changes_of(space, one.parameters), space.base.model_dump(mode="json")
-    changed = [field for field in space.fields if field.path in changes]
-    size = 0.0
-    for each in changed:
-        if each.low is None or each.high is None:
-            size += 0.5
-        else:
-            by = float(one.parameters[each.path]) - float(get_at(base, each.path))
-            size += abs(by) / (each.high - each.low)
-    return len(changed), size
+    changes, size = _difference(space, one.parameters)
+    return len(changes), size

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from design.fields.base import get_at
-from design.search.improve import Tried, cost_of, usable_of, worth
+from design.search.improve import Tried, cost_of, is_near, usable_of, worth
 from design.search.space import ROUND_DIGITS, SearchSpace, SpaceField, Value
-from design.spec.cheap_fields import CLEAR, HEIGHTS
+from design.spec.cheap_fields import CLEAR, HEIGHTS, TARGET
 
 FIRST_SHARES = (0.15, 0.3, 0.5, 0.8)
 """Sizes of the first changes of single fields, as shares of the height by which emitters and receivers are too low."""
@@ -22,8 +22,10 @@ WIDE_SHARES = (0.5, 1.0)
 WIDE_MM = 1.0
 LEAST_SPREAD, TOP_MM = 3, 1.0
 """Least number of values per field in a grid, and least distance of parts below the pad's top in a grid [mm]."""
+GAIN_SHARES = (1.0, 0.5, 0.25, 0.125)
+"""Targets of the gain that are tried with each good design, as shares of the largest one."""
 MOVES = (4.0, 2.0, 2.0, 1.0)
-"""Size of the changes to the best design in each round [steps of a field]."""
+"""Size of the changes to a good design in each round [steps of a field]; then the next best design has its rounds."""
 MOST_A_ROUND = 10
 """Largest number of designs in a round."""
 PROMISE = 3.0
@@ -79,7 +81,7 @@ def first_points(
                 }
                 if point != base and point not in points:
                     points.append(point)
-    return points
+    return points + [one for one in gain_points(space, base) if one not in points]
 
 
 def spread_points(space: SearchSpace, most: int) -> list[dict[str, Value]]:
@@ -128,27 +130,67 @@ def _moved(space: SearchSpace, field: SpaceField, base: dict[str, Value], by: fl
 
 
 def refinements(
-    space: SearchSpace, tried: Sequence[Tried], number: int, *, starts: int = 1
+    space: SearchSpace,
+    tried: Sequence[Tried],
+    number: int,
+    *,
+    starts: int = 1,
+    aim: Callable[[Tried], tuple[float, ...]] | None = None,
 ) -> list[dict[str, Value]]:
     """New points around the best designs: single changes reverted, or values increased and decreased.
 
     Parameters
     ----------
     tried : designs judged so far
-    number : number of the round, from 0, which selects the size of the changes from `MOVES`; after the last of these,
-        the result is empty
+    number : number of the round, from 0, which selects the size of the changes from `MOVES`. After the last of these,
+        rounds begin again around the next best designs; the result is empty if there is no design or no new point left
     starts : 1 for points around the best design; 2 to add points around the deepest design whose deadband, if any, is
         short
+    aim : sort key of the user's aim, larger for better designs, to add points around the best design by it
     """
-    if number >= len(MOVES) or not tried:
-        return []
-    orders = (lambda one: (*worth(one.judged), -cost_of(space, one)[0], -one.number), _promise)
+    orders: list[Callable[[Tried], tuple[float, ...]]] = [
+        lambda one: (*worth(one.judged), -cost_of(space, one)[0], -one.number),
+        _promise,
+    ]
+    orders = [*([] if aim is None else [aim]), *orders[:starts]]
     found, known = list[dict[str, Value]](), [one.parameters for one in tried]
-    for order in orders[:starts]:
-        points = _around(space, max(tried, key=order).parameters, MOVES[number])
-        fresh = [one for place, one in enumerate(points) if one not in (*known, *found, *points[:place])]
-        found += fresh[:MOST_A_ROUND]
+    usable = [one for one in tried if one.judged.figures]
+    for order in orders:
+        for place in _ranked(space, usable, order, number // len(MOVES) + 1)[number // len(MOVES) :]:
+            points = _around(space, place.parameters, MOVES[number % len(MOVES)])
+            fresh = [one for at, one in enumerate(points) if one not in (*known, *found, *points[:at])]
+            found += fresh[:MOST_A_ROUND]
     return found
+
+
+def _ranked(
+    space: SearchSpace, tried: Sequence[Tried], order: Callable[[Tried], tuple[float, ...]], count: int
+) -> list[Tried]:
+    """The best designs by an order, larger first, without designs that differ little from a better one."""
+    found: list[Tried] = []
+    for one in sorted(tried, key=order, reverse=True):
+        if len(found) == count:
+            break
+        if not any(is_near(space, one, other, apart_from=(TARGET,)) for other in found):
+            found.append(one)
+    return found
+
+
+def gain_points(space: SearchSpace, here: Mapping[str, Value]) -> list[dict[str, Value]]:
+    """A point with other targets of the gain, the largest first: their light is known. Empty if the gain is fixed."""
+    field = next((one for one in space.fields if one.path == TARGET and one.low is not None), None)
+    if field is None:
+        return []
+    assert field.high is not None
+    wanted = [field.high * share for share in GAIN_SHARES]
+    values = dict.fromkeys(_at_value(space, field, value) for value in wanted)
+    return [{**here, TARGET: value} for value in values if value != here[TARGET]]
+
+
+def _at_value(space: SearchSpace, field: SpaceField, value: float) -> Value:
+    return min(
+        space.values_of(field) or [round(value, ROUND_DIGITS)], key=lambda one: abs(float(one) - value)
+    )
 
 
 def _promise(one: Tried) -> tuple[float, int]:
@@ -163,6 +205,7 @@ def _around(space: SearchSpace, here: dict[str, Value], steps: float) -> list[di
     """
     base = start_of(space)
     points = [here | {path: base[path]} for path in here if here[path] != base[path]]
+    points += gain_points(space, here)
     heights = [field for field in space.fields if field.path in HEIGHTS]
     groups = [heights] if len(heights) > 1 else []
     groups += [[field] for field in space.fields if field.path in (*HEIGHTS, CLEAR)]

@@ -36,6 +36,12 @@ def improve(
         typer.Option("--keep", metavar="FIELD", help="Keep the value of this field. Repeatable."),
     ] = None,
     more_parts: Annotated[bool, typer.Option("--more-parts", help="Also try more parts per side.")] = False,
+    aim: Annotated[
+        str | None,
+        typer.Option(
+            "--aim", metavar="AIM", help="What better means: margin, location, contact, size, flush."
+        ),
+    ] = None,
     budget: Annotated[
         float | None,
         typer.Option(
@@ -60,6 +66,7 @@ def improve(
             vary=dict(_range(one) for one in vary or []),
             keep=keep or [],
             more_parts=more_parts,
+            aim=aim,
             budget_min=budget,
             seed=seed,
             on_step=step,

@@ -7,12 +7,16 @@ outputs/improve-<name>-<digest8>/
   1-fewest-changes.toml ...    the alternatives: the original design file with the changed lines marked
   improve.json                 the design before and the alternatives, with their scores
 
-For each quantity to improve (kind), the best candidates are scored first. A candidate becomes an alternative if it has
-no deadband, is better than the original, and no unmeasured parameter changes its verdict. If all candidates fail, other
-designs that may have no deadband are scored. If these fail too, the best of the scored designs is reported.
+Designs are scored until the budget is used: for each quantity to improve (kind), the best by quick light first, each
+with several targets of the gain, whose light is known. Of all scored designs without a deadband that are better than
+the original, the best of each kind is offered, and one whose verdict no unmeasured parameter changes is preferred. All
+figures that are shown are those of the score. If no design is better, the best of the scored designs is reported.
 
 The error of quick light mostly has the same sign for similar designs. The median by which quick light overrates the
-margin in the scored designs is therefore subtracted for the others.
+margin in the scored designs is therefore subtracted for the others; near a scored design, its own difference.
+
+The budget is counted in processor time as it usually is (`sims.score.scoring.score_cost`), not as it was measured: the
+same seed gives the same designs on every machine.
 """
 
 from __future__ import annotations
@@ -20,29 +24,32 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from statistics import median
 from typing import Any
 
-from design.errors import InputError
+from design.errors import DesignError, InputError, ModelScopeError
 from design.fields.base import get_at, known_paths, set_at
 from design.io import dump_design, load_design, write_text_atomically
 from design.progress import OnStep, silent
-from design.rules.check import require_valid
-from design.search.explore import OnTried
+from design.rules.check import check, require_valid
+from design.search.explore import Findings, OnTried
 from design.search.improve import (
-    ENOUGH_SHARE,
+    AIMS,
     KINDS,
+    LOCATION,
     NEAR_BEST_MM,
+    ORDERS,
     SAFE_MARGIN,
     Judged,
     Kind,
     Range,
     Tried,
-    betters,
     changes_of,
     improvement_space,
+    is_allowed,
     is_near,
     is_possible,
     margin_of,
@@ -50,23 +57,35 @@ from design.search.improve import (
     usable_of,
     worth,
 )
-from design.search.points import MOST_A_ROUND, MOVES, first_points, refinements, spread_points
-from design.search.space import SearchSpace
-from design.shape.cavity import cavity_of, is_facing_rows, plan_of
+from design.search.points import (
+    MOST_A_ROUND,
+    MOVES,
+    first_points,
+    gain_points,
+    refinements,
+    spread_points,
+)
+from design.search.space import SearchSpace, Value
+from design.shape.cavity import cavity_of, is_facing_rows, mask_of, plan_of
 from design.spec import SensorDesign
-from design.spec.cheap_fields import CLEAR, HEIGHTS
+from design.spec.cheap_fields import CLEAR, HEIGHTS, TARGET
 from optopad.jobs.exploration import search
 from optopad.report.search import search_page
 from optopad.results.improvement import Alternative, Improvement, Nearest
 from optopad.results.score import Score
 from optopad.results.shown import Search
+from sims.readings.readout import most_target_counts
 from sims.score.build_tolerance import with_tolerance
 from sims.score.field_steps import with_field_steps
-from sims.score.objective import judge
+from sims.score.judge import Judge
+from sims.score.objective import bodies_above_surface_mm, detection_force_n, judge, sizes_of, with_bounds
 from sims.score.result import ContinuityScore
-from sims.score.scoring import verdict_of
+from sims.score.scoring import score_cost, verdict_of
 from sims.verdict.depth_curve import DEADBAND_THRESHOLD
 
+BOUND_AIMS, SIZE_AIMS = ("location", "contact"), ("size", "flush")
+"""Aims whose figure is a bound, and those whose figure follows from the mold."""
+OUTER = ("mold.outer_length_mm", "mold.outer_width_mm", "mold.outer_diameter_mm")
 PAD_MINUTES, ROW_MINUTES = 3.0, 2.0
 """Default time budgets to improve a pad, and facing rows of parts [min on two cores]."""
 CORES = 2
@@ -75,23 +94,30 @@ PAD_S, PAIR_S, ROW_S = 1.9, 0.04, 0.6
 one value."""
 CURVED = 4.0
 """Factor by which the search takes longer per design for a round pad or one with a convex top [-]."""
-SEARCH = 0.4
-"""Fraction of the time budget for the search with its coarse light model [-]; the rest is for full scores."""
+SEARCH, HARD_SEARCH = 0.4, 0.7
+"""Fraction of the time budget for the search with its coarse light model [-]; the rest is for full scores. The second
+value is for a search that has found no design without a deadband."""
 SPREAD = 0.6
 """Largest fraction of a search's designs that samples the parts' heights and the pad's thickness evenly [-]."""
 FEWEST, MOST = 12, 400
 """Least and largest number of designs in a search, not counting variations of the best ones."""
+MOST_ROUNDS = 60
+"""Largest number of rounds of variations."""
+BOUNDS_FACTOR = 2.0
+"""Factor by which the search takes longer per design if it needs the bounds of all designs [-]."""
+SCORE_S, KNOWN_S = 0.5, 0.1
+"""Processor time of a score besides light, and to judge a design whose light is known [s]."""
 ATTEMPTS, ROW_ATTEMPTS = 4, 8
-"""Largest number of candidates that are scored for one kind of improvement: for a pad, and for facing rows."""
+"""Number of candidates that are scored for one kind of improvement even if the budget is used: for a pad, and for
+facing rows. It is also the largest number of designs of a kind whose unmeasured parameters are varied."""
 FIRMER = 1.3
 """If an unmeasured parameter changes a design's verdict, similar candidates need this factor times its margin [-]."""
-MOST_JUDGED = 12
-"""Number of designs that are scored in full before the search reports that none is better."""
-LEAST_JUDGED = 2
+LEAST_JUDGED = 4
 """Number of designs that are scored in full even if the search's coarse light finds a deadband in all designs."""
+MOST_OFFERED = 4
+"""Largest number of alternatives."""
 MOST_BOUNDS = 4
-"""Largest number of a search's pads for which bounds of location and depth are computed."""
-PLACE = "location_bound_mm"
+"""Largest number of a search's pads for which bounds of location and depth are computed, and of scores of a kind."""
 
 
 def improve(
@@ -102,6 +128,7 @@ def improve(
     vary: Mapping[str, Range | None] | None = None,
     keep: Sequence[str] = (),
     more_parts: bool = False,
+    aim: str | None = None,
     budget_min: float | None = None,
     seed: int = 0,
     on_step: OnStep | None = None,
@@ -115,44 +142,48 @@ def improve(
     vary : additional fields to vary, each with its range or None for the default range
     keep : fields to leave unchanged
     more_parts : whether the search may add parts to a side
+    aim : what better means, a name in `AIMS`; None for few changes, robustness, depth and accuracy
     budget_min : approximate time on two idle cores [min]; None for the default
 
     Raises
     ------
-    InputError, DesignError : fields, ranges or the budget are invalid.
+    InputError, DesignError : fields, ranges, aim or the budget are invalid.
     """
     require_valid(design)
     facing = is_facing_rows(cavity_of(design))
-    accuracy = "resolvable_steps" if facing else PLACE
+    _require_aim(aim, facing=facing)
+    trials, costs = trials_of(design, budget_min), Costs.of(design, budget_min, aim)
     space = improvement_space(
         design,
         vary=vary or {},
         keep=keep,
         more_parts=more_parts,
-        trials=trials_of(design, budget_min),
+        most_counts=_most_counts(design, seed),
+        aim=aim,
+        trials=trials,
         seed=seed,
-        figures=("margin", "usable_depth_mm"),
+        figures=("margin", AIMS[aim] if aim in BOUND_AIMS else "usable_depth_mm"),
     )
-    again = Confirmation(space, accuracy, seed=seed, tell=on_step or silent)
+    accuracy = "resolvable_steps" if facing else LOCATION
+    again = Confirmation(space, accuracy, costs, aim=aim, seed=seed, tell=on_step or silent)
     before = again.before
     if before.verdict == "OUT_OF_MODEL_SCOPE":
         raise InputError(f"{design.name}: {before.reason}; improve needs a design that the models cover")
     before = with_field_steps(design, before, seed=seed, on_step=again.tell)
-    trials = trials_of(design, budget_min)
-    first = _first(space, before, trials)
+    first = [one for one in _first(space, before, trials) if is_allowed(space, one)]
     found = search(
         space,
         out,
         trials=max(trials, len(first) + 1),
         on_tried=on_tried,
         first=first,
-        refine=lambda findings, number: refinements(space, findings.tried, number, starts=2 if facing else 1),
+        refine=partial(_refined, again, starts=2 if facing else 1),
         also_mm=_deciding_places(before),
     )
     made = Improvement(
         design=design,
         before=Score(design=design, found=before),
-        figures=found.findings.base.figures,
+        aim=aim,
         alternatives=(),
         nearest=None,
         tried=len(found.findings.tried),
@@ -165,27 +196,110 @@ def improve(
     alternatives = again.alternatives(tried)
     made = replace(
         made,
-        figures=again.base.figures,
         alternatives=alternatives,
-        nearest=None if alternatives else again.nearest(tried),
+        nearest=None if alternatives else again.nearest(),
         judged_again=len(again.scores) - 1,
     )
     _write(made, found, text)
     return made
 
 
-def trials_of(design: SensorDesign, budget_min: float | None) -> int:
-    """Number of designs to search in a time budget [min], from the usual time per design; equal on all machines."""
-    cavity = cavity_of(design)
-    facing = is_facing_rows(cavity)
+def _require_aim(aim: str | None, *, facing: bool) -> None:
+    if aim is not None and aim not in AIMS:
+        raise InputError(f"--aim: {aim!r} is refused: give one of {', '.join(AIMS)}")
+    if aim == "location" and facing:
+        raise InputError(
+            "--aim: location is refused for facing rows, which do not tell a press's location; give one of "
+            + ", ".join(one for one in AIMS if one != aim)
+        )
+
+
+def _most_counts(design: SensorDesign, seed: int) -> float:
+    """Largest useful target of the gain, from the untouched light; infinite if the models do not cover the design."""
+    judge = Judge(design, "search", seed=seed)
+    try:
+        return most_target_counts(design, judge.untouched, mask_of(judge.names, judge.cavity))
+    except ModelScopeError:
+        return math.inf
+
+
+@dataclass(frozen=True, kw_only=True)
+class Costs:
+    """Usual processor times of the parts of an improvement [s].
+
+    Attributes
+    ----------
+    budget_s : the whole budget
+    trial_s : one design of the search
+    verdict_s, bounds_s, tolerance_s : verdict of one design at the accuracy of a score, its bounds, and the effect of
+        its unmeasured parameters
+    """
+
+    budget_s: float
+    trial_s: float
+    verdict_s: float
+    bounds_s: float
+    tolerance_s: float
+
+    @classmethod
+    def of(cls, design: SensorDesign, budget_min: float | None, aim: str | None) -> Costs:
+        """The costs of a design's improvement; equal on all machines."""
+        stages, facing = (
+            score_cost(design, fine=False, full=False).stages_s,
+            is_facing_rows(cavity_of(design)),
+        )
+        return cls(
+            budget_s=_budget_s(design, budget_min),
+            trial_s=_trial_s(design) * (BOUNDS_FACTOR if aim in BOUND_AIMS else 1.0),
+            verdict_s=SCORE_S + stages["untouched"] + stages["pairs" if facing else "map"],
+            bounds_s=stages["map" if facing else "bounds"],
+            tolerance_s=0.5 * stages["builds"],
+        )
+
+    def of_search(self, tried: Sequence[Tried]) -> float:
+        """Processor time of a search [s]; refused designs cost nothing, and designs whose light is known hardly any."""
+        lit = [_light_of(one) for one in tried if one.digest and not one.judged.reason.startswith("breaks")]
+        return len(set(lit)) * self.trial_s + (len(lit) - len(set(lit))) * KNOWN_S
+
+
+def _light_of(one: Tried) -> tuple[tuple[str, Value], ...]:
+    """The values on which a design's light depends."""
+    return tuple(sorted((path, value) for path, value in one.parameters.items() if path != TARGET))
+
+
+def _refined(again: Confirmation, findings: Findings, number: int, *, starts: int) -> list[dict[str, Value]]:
+    """Variations of the best designs, while the search's share of the budget lasts."""
+    space, tried = again.space, again.with_aim(findings.tried)
+    share = SEARCH if any(is_possible(one.judged) for one in tried) else HARD_SEARCH
+    if number >= len(MOVES) and again.costs.of_search(tried) >= share * again.costs.budget_s:
+        return []
+    for round_number in range(number, min(number + 2 * len(MOVES), MOST_ROUNDS)):
+        points = refinements(space, tried, round_number, starts=starts, aim=again.by_aim)
+        if allowed := [one for one in points if is_allowed(space, one)]:
+            return allowed
+    return []
+
+
+def _budget_s(design: SensorDesign, budget_min: float | None) -> float:
+    facing = is_facing_rows(cavity_of(design))
     budget = (ROW_MINUTES if facing else PAD_MINUTES) if budget_min is None else budget_min
     if not 0.0 < budget <= 24 * 60:
         raise InputError(f"--budget: {budget:g} minutes is refused: give more than 0, up to 1440")
-    pairs = len(cavity.emitters) * len(cavity.receivers)
-    each_s = ROW_S if facing else PAD_S + PAIR_S * pairs
-    each_s *= 1.0 if plan_of(design).is_block else CURVED
-    around = len(MOVES) * MOST_A_ROUND * (2 if facing else 1)
-    return min(max(int(SEARCH * budget * 60.0 * CORES / each_s) - around, FEWEST), MOST)
+    return budget * 60.0 * CORES
+
+
+def _trial_s(design: SensorDesign) -> float:
+    cavity = cavity_of(design)
+    pad_s = PAD_S + PAIR_S * len(cavity.emitters) * len(cavity.receivers)
+    each_s = ROW_S if is_facing_rows(cavity) else pad_s
+    return each_s * (1.0 if plan_of(design).is_block else CURVED)
+
+
+def trials_of(design: SensorDesign, budget_min: float | None) -> int:
+    """Number of designs before variations of the best ones, for a time budget [min]; equal on all machines."""
+    around = len(MOVES) * MOST_A_ROUND * (2 if is_facing_rows(cavity_of(design)) else 1)
+    each = int(SEARCH * _budget_s(design, budget_min) / _trial_s(design))
+    return min(max(each - around, FEWEST), MOST)
 
 
 def _first(space: SearchSpace, before: ContinuityScore, trials: int) -> list[dict[str, Any]]:
@@ -244,6 +358,20 @@ def _write_design(file: Path, text: str, base: SensorDesign, changes: Mapping[st
     load_design(file)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Scored:
+    """A scored design: `tried` has the score's figures."""
+
+    tried: Tried
+    design: SensorDesign
+    score: ContinuityScore
+
+    @property
+    def is_robust(self) -> bool:
+        """Whether no unmeasured parameter changes the verdict."""
+        return self.score.tolerance is None or not self.score.tolerance.flipping
+
+
 class Confirmation:
     """Full scores of designs from a search, with the light model of `optopad score`; each is computed once.
 
@@ -251,14 +379,32 @@ class Confirmation:
     ----------
     space : the search space
     accuracy : name of the figure by which the accuracy of designs is compared
+    aim : the user's aim, or None
     """
 
-    def __init__(self, space: SearchSpace, accuracy: str, *, seed: int, tell: OnStep) -> None:
-        self.space, self.accuracy, self.seed, self.tell = space, accuracy, seed, tell
+    def __init__(
+        self,
+        space: SearchSpace,
+        accuracy: str,
+        costs: Costs,
+        *,
+        aim: str | None,
+        seed: int,
+        tell: OnStep,
+    ) -> None:
+        self.space, self.accuracy, self.costs, self.seed, self.tell = space, accuracy, costs, seed, tell
+        self.aim, self.kinds = aim, KINDS if aim is None else (aim, *KINDS)
         self.scores: dict[str, ContinuityScore] = {}
-        self.overrated = 0.0
+        self.pool: dict[str, Scored] = {}
+        self._sizes: dict[str, dict[str, float | None]] = {}
+        self.overrated, self.most_mm = 0.0, math.inf
         self._differences = [0.0]
-        self.base, self.before = Judged(), self.verdict(space.base)
+        self._overrates: list[tuple[Tried, float]] = []
+        self._lit, self._bounded = set[object](), set[object]()
+        before = self.verdict(space.base)
+        self.before = with_bounds(space.base, before, on_step=tell)
+        self.spent_s = costs.verdict_s + costs.bounds_s + costs.tolerance_s
+        self.base = Judged()
 
     def verdict(self, design: SensorDesign) -> ContinuityScore:
         """Verdict of a design with the light model of `optopad score`.
@@ -269,166 +415,327 @@ class Confirmation:
             self.scores[design.digest] = verdict_of(design, seed=self.seed, on_step=self.tell)
         return self.scores[design.digest]
 
-    def found_by_search(self, base: Judged, tried: Sequence[Tried]) -> tuple[Tried, ...]:
+    def by_aim(self, one: Tried) -> tuple[float, ...]:
+        """Sort key for the user's aim, or else for the margin; larger is better."""
+        key = ORDERS[self.aim or "margin"](self.space, one, self.accuracy)
+        return (float(is_possible(one.judged)), *(-value for value in key), -one.number)
+
+    def with_aim(self, tried: Sequence[Tried]) -> list[Tried]:
+        """The designs with the sizes that an aim needs and a search does not compute."""
+        if self.aim not in SIZE_AIMS:
+            return list(tried)
+        return [
+            replace(one, judged=self._sized(one.judged, self.space.changed(one.parameters)))
+            if one.digest
+            else one
+            for one in tried
+        ]
+
+    def _sized(self, judged: Judged, design: SensorDesign) -> Judged:
+        """The result with the sizes of a design whose rim is as low as its bodies."""
+        if design.digest not in self._sizes:
+            rim = max(bodies_above_surface_mm(design), 0.0)
+            low = design.with_(**{"mold.rim_mm": min(rim, design.mold.rim_mm)})
+            self._sizes[design.digest] = sizes_of(low)
+        return replace(judged, figures=judged.figures | self._sizes[design.digest])
+
+    def found_by_search(self, base: Judged, tried: Sequence[Tried]) -> list[Tried]:
         """Store the search's figures of the original design, and return the search's designs.
 
         For a pad, the best designs get their bounds of location and depth.
         """
+        self.spent_s += self.costs.of_search(tried)
         self.base = replace(base, verdict=self.before.verdict)
+        if self.aim in SIZE_AIMS:
+            self.base = replace(self.base, figures=self.base.figures | sizes_of(self.space.base))
         self._learn(base, self.before)
-        best = sorted((one for one in tried if is_possible(one.judged)), key=_worth, reverse=True)[
-            :MOST_BOUNDS
-        ]
-        if self.accuracy != PLACE or not best:
-            return tuple(tried)
+        tried = self.with_aim(tried)
+        best = sorted((one for one in tried if is_possible(one.judged)), key=_worth, reverse=True)
+        if self.accuracy != LOCATION or not best or self.aim in BOUND_AIMS:
+            return tried
         self.base = self._with_accuracy(self.base, self.space.base)
-        numbers = {one.number for one in best}
-        return tuple(
+        numbers = {one.number for one in best[:MOST_BOUNDS]}
+        return [
             replace(one, judged=self._with_accuracy(one.judged, self.space.changed(one.parameters)))
             if one.number in numbers
             else one
             for one in tried
-        )
+        ]
 
     def _with_accuracy(self, judged: Judged, design: SensorDesign) -> Judged:
         self.tell("accuracy", 0.0)
-        more = judge(design, (), wanted=(PLACE,), accuracy=self.space.accuracy, seed=self.seed)
+        self.spent_s += self.costs.trial_s
+        more = judge(design, (), wanted=(LOCATION,), accuracy=self.space.accuracy, seed=self.seed)
         return replace(judged, figures=more.figures | judged.figures)
 
     def alternatives(self, tried: Sequence[Tried]) -> tuple[Alternative, ...]:
-        """The first verified design for every quantity to improve (such as "most depth"), all different.
+        """The best scored design for every quantity to improve (such as "most depth"), all different.
 
-        If there is none for any quantity, one verified design that is better is returned.
+        Each kind has some candidates scored; then all kinds in turn, until the budget is used or no candidate is left.
         """
-        attempts = ATTEMPTS if self.accuracy == PLACE else ROW_ATTEMPTS
-        deepest = self._first_of("most depth", self._picked("most depth", tried), attempts)
-        most_mm = math.inf if deepest is None else deepest.score.usable_depth_mm or 0.0
-        found: list[Alternative] = []
-        for kind in KINDS:
-            if kind == "most depth":
-                least_mm = (
-                    max((one.score.usable_depth_mm or 0.0 for one in found), default=0.0) + NEAR_BEST_MM
-                )
-                one = deepest if most_mm >= least_mm else None
-            else:
-                least_mm = 0.0 if deepest is None else ENOUGH_SHARE * most_mm
-                one = self._first_of(kind, self._picked(kind, tried, most_mm), attempts, least_mm)
-            if one is not None and all(other.design.digest != one.design.digest for other in found):
-                found.append(replace(one, file=f"{len(found) + 1}-{kind.replace(' ', '-')}.toml"))
-        if not found:
-            rest = sorted(tried, key=_worth, reverse=True)
-            rest = [one for n, one in enumerate(rest) if is_possible(one.judged) or n < LEAST_JUDGED]
-            one = self._first_of(KINDS[0], rest, MOST_JUDGED)
-            found += [] if one is None else [one]
-        return tuple(found)
-
-    def _picked(self, kind: Kind, tried: Sequence[Tried], most_mm: float = math.inf) -> list[Tried]:
-        every = picks(self.space, self.base, tried, self.accuracy, most_mm)
-        return [pick.tried for pick in every if pick.kind == kind]
-
-    def _first_of(
-        self, kind: Kind, candidates: list[Tried], attempts: int, least_mm: float = 0.0
-    ) -> Alternative | None:
-        """The first candidate that scores better than the original and whose verdict no unmeasured parameter changes.
-
-        If there is none, the first that scores better is returned; None if no candidate does. For "most depth", the
-        usable depth may be up to `NEAR_BEST_MM` below that of the deepest design.
-
-        Parameters
-        ----------
-        least_mm : required usable depth [mm]
-        """
-        candidates = [one for one in candidates if usable_of(one.judged) >= least_mm]
-        undecided: Alternative | None = None
-        for _ in range(attempts):
-            if not candidates:
+        attempts = ATTEMPTS if self.accuracy == LOCATION else ROW_ATTEMPTS
+        for kind in (*self.kinds, None):
+            for number in range(attempts):
+                one = self._next_of(kind, tried)
+                if one is None or (kind is None and (self.best(KINDS[0]) or number >= LEAST_JUDGED)):
+                    break
+                self._add(one)
+                best = None if kind is None else self.best(kind)
+                if best is not None and best.is_robust:
+                    break
+        reserve_s = 2 * (self.costs.bounds_s + self.costs.tolerance_s)
+        while self.spent_s < self.costs.budget_s - reserve_s:
+            found = [one for kind in self.kinds if (one := self._next_of(kind, tried)) is not None]
+            if not found and not self.best(KINDS[0]):
+                rest = self._next_of(None, tried)
+                found = [] if rest is None else [rest]
+            if not found:
                 break
-            tried = self._next_of(candidates, DEADBAND_THRESHOLD if kind == "most depth" else SAFE_MARGIN)
-            candidates.remove(tried)
-            changed = self.space.changed(tried.parameters)
-            self.tell(kind, 0.0)
-            score = self.verdict(changed)
-            self._learn(tried.judged, score)
-            if not self._is_better(tried, score) or (score.usable_depth_mm or 0.0) < least_mm:
-                continue
-            if score.tolerance is None:
-                score = with_tolerance(changed, score, seed=self.seed, on_step=self.tell)
-                self.scores[changed.digest] = score
-            made = Alternative(
-                kind=kind,
-                changes=changes_of(self.space, tried.parameters),
-                design=changed,
-                file=f"1-{kind.replace(' ', '-')}.toml",
-                figures=tried.judged.figures,
-                score=score,
-            )
-            if score.tolerance is None or not score.tolerance.flipping:
-                return made
-            undecided = undecided or made
-            if kind == "most depth":
-                least_mm = max(least_mm, (score.usable_depth_mm or 0.0) - NEAR_BEST_MM)
-            safe = FIRMER * margin_of(tried.judged)
-            candidates = [
-                one
-                for one in candidates
-                if usable_of(one.judged) >= least_mm
-                and (margin_of(one.judged) >= safe or not is_near(self.space, one, tried))
-            ]
-        return undecided
+            for one in found:
+                self._add(one)
+        return self._offered()
 
-    def _next_of(self, candidates: Sequence[Tried], margin: float) -> Tried:
-        """The first candidate with the required margin, corrected for the search's typical error; if none, the best."""
-        safe = [one for one in candidates if margin_of(one.judged) - self.overrated >= margin]
-        return safe[0] if safe else max(candidates, key=_worth)
+    def _next_of(self, kind: Kind | None, tried: Sequence[Tried]) -> Tried | None:
+        """The next candidate for a kind that is not scored yet; for None, the best of all designs.
+
+        It is the first with the required margin, corrected for the search's typical error; if none has it, the best.
+        """
+        fresh = [one for one in tried if one.digest and one.number not in self._taken]
+        if kind is None:
+            return max((one for one in fresh if one.judged.figures), key=_worth, default=None)
+        every = picks(self.space, self.base, fresh, self.accuracy, self.most_mm, kinds=(kind,))
+        candidates = [pick.tried for pick in every]
+        margin = DEADBAND_THRESHOLD if kind == "most depth" else SAFE_MARGIN
+        corrected = [
+            replace(
+                one, judged=replace(one.judged, figures=one.judged.figures | {"margin": self._expected(one)})
+            )
+            for one in candidates
+        ]
+        safe = [one for one in corrected if margin_of(one.judged) >= margin]
+        if kind in ("margin", "most robust"):
+            safe.sort(key=lambda one: ORDERS[kind](self.space, one, self.accuracy))
+        best = safe[0] if safe else max(corrected, key=_worth, default=None)
+        return next((one for one in candidates if best is not None and one.number == best.number), None)
+
+    def _expected(self, one: Tried) -> float:
+        """Margin that a score is expected to find: quick light overrates similar designs alike [sigma]."""
+        near = [
+            difference
+            for other, difference in self._overrates
+            if is_near(self.space, one, other, apart_from=(TARGET,))
+        ]
+        return margin_of(one.judged) - max([self.overrated, *near])
+
+    @property
+    def _taken(self) -> set[int]:
+        return {one.tried.number for one in self.pool.values()}
+
+    def _add(self, one: Tried) -> None:
+        """Score a design, and, if its verdict is good or nearly so, the same design with other targets of the gain."""
+        score = self._scored(one)
+        self._learn(one.judged, score)
+        if score.margin is not None:
+            self._overrates.append((one, margin_of(one.judged) - score.margin))
+        if (score.margin or 0.0) > 0.5 * DEADBAND_THRESHOLD:
+            for point in gain_points(self.space, one.parameters):
+                if is_allowed(self.space, point):
+                    self._scored(replace(one, parameters=point, judged=Judged()))
+
+    def _scored(self, one: Tried) -> ContinuityScore:
+        design = self.space.changed(one.parameters)
+        also = self._also(design)
+        design = design.with_(**also)
+        self.tell("score", 0.0)
+        known = _light_of(one) in self._lit
+        self._lit.add(_light_of(one))
+        self.spent_s += KNOWN_S if known else self.costs.verdict_s
+        score = self.verdict(design)
+        self._keep(replace(one, also=also, digest=design.digest), design, score)
+        return score
+
+    def _also(self, design: SensorDesign) -> dict[str, float]:
+        if self.aim == "size":
+            return smallest_mold(design)
+        return least_rim(design) if self.aim == "flush" else {}
+
+    def _keep(self, one: Tried, design: SensorDesign, score: ContinuityScore) -> Scored:
+        self.scores[design.digest] = score
+        made = Scored(tried=replace(one, judged=self._judged(design, score)), design=design, score=score)
+        self.pool[design.digest] = made
+        return made
+
+    def _judged(self, design: SensorDesign, score: ContinuityScore) -> Judged:
+        """A score's figures, as the search compares them."""
+        own: dict[str, float | None] = {
+            "deadband_mm": score.deadband_total_mm,
+            "usable_depth_mm": score.usable_depth_mm,
+            "margin": score.margin,
+        }
+        if self.aim in SIZE_AIMS:
+            own |= sizes_of(design)
+        if score.bounds is not None:
+            location = score.bounds.median_location_mm.value
+            own[LOCATION] = location if math.isfinite(location) else None
+            if score.bounds.detection is not None:
+                own["detection_force_n"] = detection_force_n(score.bounds.detection)
+        verdict = "DEADBAND" if score.is_open else score.verdict
+        return Judged(figures=own, verdict=verdict, may_be=verdict == "CONTIGUOUS")
+
+    def best(self, kind: Kind) -> Scored | None:
+        """The best scored design of a kind, of those whose verdict no unmeasured parameter changes; else the best.
+
+        Unmeasured parameters are varied for a limited number of designs, the best first.
+        """
+        if kind in ("best accuracy", *BOUND_AIMS):
+            self._bound_best(kind)
+        fallback: Scored | None = None
+        flipped: list[Tried] = []
+        for one in self._ranked(kind):
+            if any(
+                is_near(self.space, one.tried, other)
+                and margin_of(one.tried.judged) < FIRMER * margin_of(other.judged)
+                for other in flipped
+            ):
+                continue
+            one = self._firm(one)
+            if one.is_robust:
+                return one
+            fallback = fallback or one
+            flipped.append(one.tried)
+            if len(flipped) >= (ATTEMPTS if self.accuracy == LOCATION else ROW_ATTEMPTS):
+                break
+        return fallback
+
+    def _ranked(self, kind: Kind) -> list[Scored]:
+        base = self._judged(self.space.base, self.before)
+        every = picks(
+            self.space,
+            base,
+            [one.tried for one in self.pool.values()],
+            self.accuracy,
+            self.most_mm,
+            kinds=(kind,),
+            safe=DEADBAND_THRESHOLD,
+        )
+        return [self.pool[pick.tried.digest] for pick in every]
+
+    def _bound_best(self, kind: Kind) -> None:
+        """Compute bounds of the scored designs that may be the best of a kind, those with the largest margin first."""
+        possible = [one for one in self.pool.values() if is_possible(one.tried.judged)]
+        for one in sorted(possible, key=lambda one: margin_of(one.tried.judged), reverse=True):
+            is_known = _light_of(one.tried) in self._bounded
+            is_over = self.spent_s > self.costs.budget_s and kind not in BOUND_AIMS
+            if is_known or (len(self._bounded) < MOST_BOUNDS and not is_over):
+                self._with_bounds(one)
+
+    def _with_bounds(self, one: Scored) -> Scored:
+        if one.score.bounds is not None:
+            return one
+        known = _light_of(one.tried) in self._bounded
+        self._bounded.add(_light_of(one.tried))
+        self.spent_s += KNOWN_S if known else self.costs.bounds_s
+        score = with_bounds(one.design, one.score, on_step=self.tell)
+        return self._keep(one.tried, one.design, score)
+
+    def _firm(self, one: Scored) -> Scored:
+        if one.score.tolerance is not None:
+            return one
+        self.spent_s += self.costs.tolerance_s
+        score = with_tolerance(one.design, one.score, seed=self.seed, on_step=self.tell)
+        return self._keep(one.tried, one.design, score)
+
+    def _offered(self) -> tuple[Alternative, ...]:
+        """The alternatives, with bounds; a choice is made again if bounds that were added change it."""
+        chosen = self._chosen()
+        for _ in range(MOST_OFFERED):
+            lacking = [one for _, one in chosen if one.score.bounds is None]
+            for one in lacking:
+                self._with_bounds(one)
+            if not lacking:
+                break
+            chosen = self._chosen()
+        return tuple(
+            Alternative(
+                kind=kind,
+                changes=changes_of(self.space, one.tried.parameters) | dict(one.tried.also),
+                design=one.design,
+                file=f"{number}-{kind.replace(' ', '-')}.toml",
+                score=one.score,
+            )
+            for number, (kind, one) in enumerate(chosen, 1)
+        )
+
+    def _chosen(self) -> list[tuple[Kind, Scored]]:
+        self.most_mm = math.inf
+        deepest = self.best("most depth")
+        if deepest is not None:
+            self.most_mm = deepest.score.usable_depth_mm or 0.0
+        found: list[tuple[Kind, Scored]] = []
+        for kind in self.kinds:
+            one = self.best(kind)
+            if one is None or any(other.design.digest == one.design.digest for _, other in found):
+                continue
+            depths = [other.score.usable_depth_mm or 0.0 for _, other in found]
+            if kind == "most depth" and usable_of(one.tried.judged) < max(depths, default=0.0) + NEAR_BEST_MM:
+                continue
+            found.append((kind, one))
+        return found[:MOST_OFFERED]
 
     def _learn(self, judged: Judged, score: ContinuityScore) -> None:
         if score.margin is not None and judged.figures.get("margin") is not None:
             self._differences.append(margin_of(judged) - score.margin)
             self.overrated = max(median(self._differences), 0.0)
 
-    def _is_better(self, one: Tried, score: ContinuityScore) -> bool:
-        return (
-            score.verdict == "CONTIGUOUS"
-            and not score.is_open
-            and bool(changes_of(self.space, one.parameters))
-            and betters(
-                self._as_judged(self.base, self.before),
-                self._as_judged(one.judged, score),
-                self.accuracy,
-                safe=DEADBAND_THRESHOLD,
-            )
-        )
-
-    @staticmethod
-    def _as_judged(quick: Judged, score: ContinuityScore) -> Judged:
-        own = {
-            "deadband_mm": score.deadband_total_mm,
-            "usable_depth_mm": score.usable_depth_mm,
-            "margin": score.margin,
-        }
-        verdict = "DEADBAND" if score.is_open else score.verdict
-        return Judged(figures=quick.figures | own, verdict=verdict, may_be=verdict == "CONTIGUOUS")
-
-    def nearest(self, tried: Sequence[Tried]) -> Nearest | None:
+    def nearest(self) -> Nearest | None:
         """The best of the scored designs; None if no design was scored."""
-        digests = {self.space.changed(one.parameters).digest: one for one in tried if one.digest}
-        found = [
-            (score, digests[digest])
-            for digest, score in self.scores.items()
-            if digest in digests and changes_of(self.space, digests[digest].parameters)
-        ]
+        found = [one for one in self.pool.values() if changes_of(self.space, one.tried.parameters)]
         if not found:
             return None
-        score, one = max(found, key=lambda both: worth(self._as_judged(both[1].judged, both[0])))
+        best = max(found, key=lambda one: worth(one.tried.judged))
         ends = tuple(
             field.path
             for field in self.space.fields
-            if field.low is not None and float(one.parameters[field.path]) in (field.low, field.high)
+            if field.low is not None and float(best.tried.parameters[field.path]) in (field.low, field.high)
         )
-        return Nearest(
-            changes=changes_of(self.space, one.parameters), judged=one.judged, at_ends=ends, score=score
-        )
+        changes = changes_of(self.space, best.tried.parameters)
+        return Nearest(changes=changes, at_ends=ends, score=best.score)
 
 
 def _worth(one: Tried) -> tuple[bool, float, float, float]:
     return worth(one.judged)
+
+
+def least_rim(design: SensorDesign) -> dict[str, float]:
+    """The lowest rim of the mold that no rule refuses and no body stands above; empty if the rim is that low."""
+    above_mm = bodies_above_surface_mm(design)
+    low = min(math.ceil(round(10.0 * max(above_mm, 0.0), 6)) / 10.0, design.mold.rim_mm)
+    return _lowered(design, "mold.rim_mm", low, 0.1)
+
+
+def smallest_mold(design: SensorDesign) -> dict[str, float]:
+    """The smallest outer size and rim of the mold that no rule refuses or warns of; empty if it is that small."""
+    changes = least_rim(design)
+    for path in OUTER:
+        if get_at(design.model_dump(mode="json"), path) is not None:
+            changes |= _lowered(design.with_(**changes), path, 0.0, 0.5)
+    return changes
+
+
+def _lowered(design: SensorDesign, path: str, low: float, step: float) -> dict[str, float]:
+    """The lowest value of a field, in steps above `low`, with which no rule finds more than before."""
+    value = float(get_at(design.model_dump(mode="json"), path))
+    usual = len(check(design))
+
+    def is_good(steps: int) -> bool:
+        try:
+            return len(check(design.with_(**{path: round(low + steps * step, 4)}))) <= usual
+        except DesignError:
+            return False
+
+    bad, good = -1, math.floor((value - low) / step + 1e-9)
+    while good - bad > 1:
+        middle = (good + bad) // 2
+        bad, good = (bad, middle) if is_good(middle) else (middle, good)
+    found = round(low + good * step, 4)
+    return {path: found} if found < value - 1e-9 and is_good(good) else {}

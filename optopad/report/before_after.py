@@ -8,12 +8,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from html import escape
 
-from design.search.figures import FIGURES
 from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 from optopad.report.words import Html, element, section, table
 from optopad.results.comparison import Comparison, shown_value
-from optopad.results.improvement import Figures, Improvement
+from optopad.results.figures import PadFigures, figures_of
+from optopad.results.improvement import Improvement
 from optopad.screen.verdict_sentences import changes_words, sentences_of
 from sims.plots.maps import plot_margin_map
 from sims.plots.signal import plot_signal
@@ -75,24 +75,18 @@ def _row(name: str, cells: Sequence[tuple[str, bool]]) -> str:
 
 COLOURS_END = 20.0
 """Margin at which the colours of the maps end [noise units]; a larger margin brings no benefit."""
-SHOWN = (
-    "location_bound_mm",
-    "depth_bound_mm",
-    "resolvable_steps",
-    "part_count",
-    "pad_height_mm",
-)
-"""Figures from the search that are compared; a figure that no design has is left out."""
+SHOWN = ("location", "depth", "contact", "unresolved", "pressable", "outside", "height", "parts", "price")
+"""Figures that are compared below the verdict; a figure that no design has is left out."""
 
 
 def before_and_after(made: Improvement) -> Html:
     """The section that compares a design with its alternatives; empty if there are none."""
     if not made.alternatives:
         return Html("")
-    labels = ["before", *(f"{number}: {one.kind}" for number, one in enumerate(made.alternatives, 1))]
+    labels = ["before", *(f"{number}: {one.title}" for number, one in enumerate(made.alternatives, 1))]
     designs = [made.design, *(one.design for one in made.alternatives)]
     scores = [made.before.found, *(one.score for one in made.alternatives)]
-    figures = [made.figures, *(one.figures for one in made.alternatives)]
+    figures = [figures_of(*both) for both in zip(designs, scores, strict=True)]
     changes = ["unchanged", *(changes_words(made.design, one.changes) for one in made.alternatives)]
     files = [
         "",
@@ -131,22 +125,19 @@ def before_and_after(made: Improvement) -> Html:
         element("div", *pictures, class_="grid"),
         element(
             "p",
-            f"{what} Verdict, usable depth, deadband and margin are those of optopad score; the other "
-            "figures are computed with the search's quick light, for all designs.",
+            f"{what} All figures are those of optopad score.",
             class_="note",
         ),
     )
 
 
-def _figure_rows(figures: list[Figures]) -> list[list[str]]:
-    rows = []
-    for name in SHOWN:
-        values = [one.get(name) for one in figures]
-        if any(value is not None for value in values):
-            unit = FIGURES[name].unit
-            words = name.removesuffix("_mm").replace("_", " ") + ("" if unit == "1" else f" [{unit}]")
-            rows.append([words, *map(_number, values)])
-    return rows
+def _figure_rows(figures: list[PadFigures]) -> list[list[str]]:
+    rows = zip(*(one.cells for one in figures), strict=True)
+    return [
+        [cells[0].title, *(cell.text for cell in cells)]
+        for cells in rows
+        if cells[0].name in SHOWN and any(cell.text != "-" for cell in cells)
+    ]
 
 
 def _same_pair(made: Improvement, score: ContinuityScore) -> JudgedPair:

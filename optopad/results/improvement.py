@@ -7,17 +7,39 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from design.search.improve import Judged, Kind
+from design.search.improve import Kind
 from design.spec import SensorDesign
+from optopad.results.figures import figures_of
 from optopad.results.score import Score
 from optopad.results.shown import Result, block, number, table
 from optopad.screen.verdict import labelled, row
 from optopad.screen.verdict_sentences import changes_words, sentences_of, verdict_words
+from sims.score.objective import sizes_of
 from sims.score.result import ContinuityScore
 
-Figures = dict[str, float | None]
+AIM_TITLES = {
+    "margin": "largest margin",
+    "location": "finest location",
+    "contact": "lightest first contact",
+    "size": "smallest outside",
+    "flush": "lowest above the surface",
+}
+"""Title of each aim's alternative."""
 WHOLE = 12
 """Largest number of lines for one text of the result, large enough that no text is cut."""
+
+
+SHOWN = {
+    "margin": "margin",
+    "location": "location to",
+    "contact": "first contact from",
+    "unresolved": "not resolved",
+}
+"""Figures of an alternative on the screen, and what they are called there."""
+
+
+def _outside(sizes_mm: tuple[float, float, float]) -> str:
+    return " x ".join(f"{size:.1f}" for size in sizes_mm)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,16 +51,19 @@ class Alternative:
     kind : the quantity in which the design is best
     changes : new values of the changed fields, by dotted path
     design, file : the design, and the name of its file
-    figures : figures from the search, with its coarse light model
-    score : result of `optopad score`
+    score : result of `optopad score`, with bounds
     """
 
     kind: Kind
     changes: dict[str, Any]
     design: SensorDesign
     file: str
-    figures: Figures
     score: ContinuityScore
+
+    @property
+    def title(self) -> str:
+        """Text for the kind; an aim is the best value of its figure."""
+        return AIM_TITLES.get(self.kind, self.kind)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,13 +73,11 @@ class Nearest:
     Attributes
     ----------
     changes : new values of the changed fields, by dotted path
-    judged : figures from the search, with its coarse light model
     score : result of `optopad score`
     at_ends : dotted paths of the fields whose value is at an end of its range
     """
 
     changes: dict[str, Any]
-    judged: Judged
     at_ends: tuple[str, ...]
     score: ContinuityScore
 
@@ -62,7 +85,6 @@ class Nearest:
         """This design as plain data for JSON."""
         return {
             "changes": self.changes,
-            "figures": self.judged.figures,
             "at_range_end": list(self.at_ends),
             "verdict": self.score.verdict,
             "usable_depth_mm": self.score.usable_depth_mm,
@@ -77,7 +99,8 @@ class Improvement(Result):
 
     Attributes
     ----------
-    design, before, figures : the original design, its score, and its figures from the search
+    design, before : the original design and its score
+    aim : what better means, a name in `design.search.improve.AIMS`, or None
     alternatives : better designs, at most one for each quantity to improve
     nearest : the best scored design if there are no alternatives; else None
     tried : number of designs in the search, which uses a coarse setting of the light model
@@ -88,7 +111,7 @@ class Improvement(Result):
 
     design: SensorDesign
     before: Score
-    figures: Figures
+    aim: str | None = None
     alternatives: tuple[Alternative, ...]
     nearest: Nearest | None
     tried: int
@@ -129,17 +152,18 @@ class Improvement(Result):
     def to_json(self) -> dict[str, Any]:
         """The improvement as plain data for JSON."""
         return {
-            "before": {**self.before.to_dict(), "search_figures": self.figures},
+            "before": {**self.before.to_dict(), "figures": self._json(self.design, self.before.found)},
             "alternatives": [
                 {
                     "kind": one.kind,
                     "changes": one.changes,
                     "file": str(self.folder / one.file),
-                    "search_figures": one.figures,
                     **one.score.to_json(),
+                    "figures": self._json(one.design, one.score),
                 }
                 for one in self.alternatives
             ],
+            "aim": self.aim,
             "nearest": None if self.nearest is None else self.nearest.to_json(),
             "designs": self.tried,
             "judged_by_score": self.judged_again,
@@ -147,13 +171,18 @@ class Improvement(Result):
             "folder": str(self.folder),
         }
 
+    @staticmethod
+    def _json(design: SensorDesign, score: ContinuityScore) -> dict[str, Any]:
+        sizes = sizes_of(design)
+        return figures_of(design, score).to_json() | {name: sizes[name] for name in sorted(sizes)}
+
     def lines(self) -> list[str]:
         """Text of `optopad improve`: the original design, up to four alternatives with costs, and the next command."""
         judged = f"; {self.tried} designs judged, {self.judged_again} of them at score accuracy"
         lines = row("design", f"{self.design.name} ({self.design.digest[:8]}){judged}", WHOLE)
         lines += row("before", sentences_of(self.design, self.before.found).verdict, WHOLE)
         for place, one in enumerate(self.alternatives, 1):
-            lines += row(str(place), f"{one.kind}: {changes_words(self.design, one.changes)}", WHOLE)
+            lines += row(str(place), f"{one.title}: {changes_words(self.design, one.changes)}", WHOLE)
             lines += row("", self._resolution(one), WHOLE)
         if self.is_interrupted:
             lines += row("stopped", "every result is kept; the same command continues the search")
@@ -176,14 +205,22 @@ class Improvement(Result):
 
     def _resolution(self, one: Alternative) -> str:
         said = sentences_of(one.design, one.score)
-        parts = [verdict_words(one.score), said.confidence.partition(":")[0]]
-        parts.append(
-            f"margin {number(one.score.margin, 1)} sigma (was {number(self.before.found.margin, 1)})"
-        )
-        now, was = one.figures.get("location_bound_mm"), self.figures.get("location_bound_mm")
-        if now is not None:
-            parts.append(f"location {now:.3f} mm with quick light (was {number(was, 3)})")
-        return "; ".join(part for part in parts if part)
+        now, was = figures_of(one.design, one.score), figures_of(self.design, self.before.found)
+        words = [verdict_words(one.score), said.confidence.partition(":")[0]]
+        words += [
+            f"{name} {cell.text} {cell.unit} (was {old.text})"
+            for cell, old in zip(now.cells, was.cells, strict=True)
+            if (name := SHOWN.get(cell.name)) and cell.text != "-"
+        ]
+        if self.aim == "size":
+            words += [
+                f"outside {_outside(now.outer_mm)} mm (was {_outside(was.outer_mm)})",
+            ]
+        if self.aim == "flush":
+            name = "above_surface_mm"
+            above, before = sizes_of(one.design)[name], sizes_of(self.design)[name]
+            words.append(f"rim or body {number(above, 1)} mm above the surface (was {number(before, 1)})")
+        return "; ".join(word for word in words if word)
 
     def _nearest(self) -> list[str]:
         none = "no better design" if self.before.verdict == "DEADBAND" else "no significantly better design"
@@ -201,7 +238,7 @@ class Improvement(Result):
     def _repr_html_(self) -> str:
         rows = [("before", "unchanged", verdict_words(self.before.found))]
         rows += [
-            (one.kind, changes_words(self.design, one.changes), verdict_words(one.score))
+            (one.title, changes_words(self.design, one.changes), verdict_words(one.score))
             for one in self.alternatives
         ]
         return block(f"improve {self.design.name}", (), table(("", "changes", "verdict"), rows))

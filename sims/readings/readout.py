@@ -120,6 +120,22 @@ def _each(design: SensorDesign, flux: FloatArray, reference: BoolArray) -> tuple
     return tuple(found)
 
 
+def most_target_counts(design: SensorDesign, untouched_flux: FloatArray, reference: BoolArray) -> float:
+    """Largest useful `gain.target_counts` [counts].
+
+    With one gain for all receivers, the brightest pair clips above it. With a gain for each, all gains have reached the
+    limit that keeps their brightest pairs from clipping.
+    """
+    full_scale = full_scale_counts(design)
+    if design.gain.feedback_ohm == "common":
+        chosen = [untouched_flux[reference]]
+    else:
+        full_scale *= HEADROOM
+        chosen = [flux[own] for flux, own in zip(untouched_flux.T, reference.T, strict=True) if own.any()]
+    shares = [float(np.median(flux) / flux.max()) for flux in chosen if flux.size and flux.max() > 0.0]
+    return full_scale * max(shares, default=1.0)
+
+
 def _gain_to_target(design: SensorDesign, flux: FloatArray, subject: str) -> float:
     median = float(np.median(flux)) if flux.size else 0.0
     if not median > 0.0:

@@ -28,17 +28,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from design.errors import DesignError, ModelScopeError
+from design.mold.outline import outline_of
 from design.progress import OnStep
 from design.rules.check import check, require_valid
 from design.search.figures import BOUND_FIGURES
 from design.search.improve import Judged, Limit
-from design.shape.cavity import CavityGeometry, beside_chord, judged_pairs, mask_of, pair_name
+from design.shape.cavity import CavityGeometry, beside_chord, cavity_of, judged_pairs, mask_of, pair_name
 from design.spec import SensorDesign
+from sims.bounds.detection_threshold import DetectionThreshold
 from sims.contact.indentation import round_press
 from sims.optics.tracing import trace
 from sims.press import depth_schedule_mm
 from sims.readings.readout import Readout
-from sims.score.judge import CLOSE_UNITS, Judge, governing_pair, usable_of_pairs
+from sims.score.judge import CLOSE_UNITS, SETTINGS, Judge, governing_pair, usable_of_pairs
 from sims.score.result import ContinuityScore, JudgedPair
 from sims.score.scoring import verdict_of
 from sims.verdict.builds import pair_margin, score_curves
@@ -148,12 +150,29 @@ def with_draft_bounds(
     """A pad's draft score with bounds on location and depth from one frame and the detection threshold added."""
     if draft.pad_map is None or draft.readout is None or draft.pad_signals is None:
         return draft
-    judge = Judge(design, "draft", seed=draft.seed, on_step=on_step)
-    judge.take(draft.readout, draft.pad_map, draft.pad_signals)
-    return replace(draft, bounds=judge.bounds)
+    return with_bounds(design, draft, "draft", on_step=on_step)
+
+
+def with_bounds(
+    design: SensorDesign, score: ContinuityScore, settings: str = "score", *, on_step: OnStep | None = None
+) -> ContinuityScore:
+    """A score with the bounds of its design, and the map from which they follow; unchanged if it has them.
+
+    Parameters
+    ----------
+    settings : name of the settings in `sims.score.judge.SETTINGS` with which the score was made
+    """
+    if score.bounds is not None or score.readout is None:
+        return score
+    judge = Judge(design, settings, seed=score.seed, on_step=on_step)
+    if score.pad_map is not None and score.pad_signals is not None:
+        judge.take(score.readout, score.pad_map, score.pad_signals)
+    bounds = judge.bounds
+    return replace(score, bounds=bounds, pad_map=judge.pad_map, pad_signals=judge.pad_signals)
 
 
 MAP_FIGURES = frozenset({"verdict", "deadband_mm", "usable_depth_mm", "margin"})
+SIZE_FIGURES = frozenset({"outer_volume_cm3", "above_surface_mm"})
 PAIR_FIGURES = frozenset({"evenness", "continuity", "swing", "resolvable_steps"})
 
 _ONE_AT_A_TIME = threading.Lock()
@@ -188,7 +207,8 @@ def judge(
     """
     needed = {*wanted, *(limit.figure for limit in limits)}
     with _ONE_AT_A_TIME:
-        return _Search(Judge(design, accuracy, seed=seed, also_mm=also_mm), limits, needed).outcome()
+        settings = replace(SETTINGS[accuracy], has_detection="detection_force_n" in needed)
+        return _Search(Judge(design, settings, seed=seed, also_mm=also_mm), limits, needed).outcome()
 
 
 class _Search:
@@ -232,6 +252,8 @@ class _Search:
     def _count(self, cavity: CavityGeometry) -> None:
         self.figures["part_count"] = float(len(cavity.parts))
         self.figures["pad_height_mm"] = cavity.clear_mm + cavity.black_mm
+        if self.needed & SIZE_FIGURES:
+            self.figures |= sizes_of(self.stages.design)
         if "cost" in self.needed:
             self.figures["cost"] = price_of(cavity)
 
@@ -306,6 +328,29 @@ class _Search:
             ("dead_share", bounds.dead_share.value),
         ):
             self.figures[name] = float(value) if np.isfinite(value) else None
+        if bounds.detection is not None:
+            self.figures["detection_force_n"] = detection_force_n(bounds.detection)
+
+
+def detection_force_n(found: DetectionThreshold) -> float | None:
+    """Load from which a press is detected at the worst location [N]; None if it is not detected there."""
+    force = float(found.force_n[found.worst])
+    return force if np.isfinite(force) else None
+
+
+def bodies_above_surface_mm(design: SensorDesign) -> float:
+    """Height of the highest body above the edge of the untouched surface [mm]; below 0 if all end below it."""
+    outline = outline_of(design)
+    return max(one.part.body_top_mm for one in outline.sockets) - outline.fill_mm
+
+
+def sizes_of(design: SensorDesign) -> dict[str, float | None]:
+    """Outer volume of the mold [cm3], and height of its rim or of the highest body above the surface [mm]."""
+    outline = outline_of(design)
+    above_mm = max(outline.highest_mm - outline.fill_mm, bodies_above_surface_mm(design))
+    height_mm = max(outline.fill_mm + above_mm, cavity_of(design).plan.clear_mm) - outline.bottom_mm
+    volume = outline.outer_length_mm * outline.outer_width_mm * height_mm
+    return {"outer_volume_cm3": round(volume / 1000.0, 4), "above_surface_mm": round(max(above_mm, 0.0), 4)}
 
 
 def price_of(cavity: CavityGeometry) -> float:

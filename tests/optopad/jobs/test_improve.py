@@ -63,7 +63,7 @@ def with_made_up_physics(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(objective, "judge", lambda design, limits, **_: judge(design, limits))
     monkeypatch.setattr(improvement, "verdict_of", scored)
-    for also in ("with_tolerance", "with_field_steps"):
+    for also in ("with_tolerance", "with_field_steps", "with_bounds"):
         monkeypatch.setattr(improvement, also, lambda _design, found, **_: found)
 
 
@@ -251,7 +251,7 @@ def test_what_binds_is_named_where_nothing_mends_it(design_file, capsys):
     options = ["--keep", "cavity.clear_thickness_mm", "--keep", "receivers.height_mm", "--out", "kept"]
     said = improved(design_file, capsys, *options)
     assert said["alternatives"] == []
-    assert said["nearest"]["figures"]["deadband_mm"] > 0.0
+    assert said["nearest"]["deadband_mm"] > 0.0
     assert main(["improve", str(design_file), "--budget", "0.5", *options]) == 0
     assert "none        no better design among" in capsys.readouterr().out
 
@@ -264,6 +264,8 @@ def test_what_binds_is_named_where_nothing_mends_it(design_file, capsys):
         (["--vary", "receivers.height_mm=7:7"], "is an empty range"),
         (["--budget", "0"], "--budget: 0 minutes is refused"),
         (["--keep", "mold.rim_mm"], "does not vary by default"),
+        (["--aim", "strength"], "give one of margin, location, contact, size, flush"),
+        (["--aim", "location"], "refused for facing rows"),
     ],
 )
 def test_what_it_cannot_do_is_said(design_file, capsys, options, words):

@@ -1,12 +1,15 @@
 """Whether what `improve` proposes is right, and what it rejects is not better: two tables of docs/validation/search.md.
 
-    python -m tests.validation.verdict.improve_table [grids | rows | pads]  (an hour of two cores; kept, goes on)
+    python -m tests.validation.verdict.improve_table [grids | rows | pads | hand]  (hours of two cores; kept)
 
 Random designs with fixed seeds that `score` finds a deadband in: facing rows of one to four pairs, and small pads. Each
 is improved with the default budget; what is proposed is read from its file and scored anew. Of rows a grid over both
 heights and the thickness, within the ranges that improve varies, is judged by a search's light, and its best designs by
 the score's. A grid's design counts as better by the rule that improve itself offers designs by: no deadband where
 improve has none to offer, 0.5 mm more usable depth, or a margin larger by a fifth as far as it is scarce.
+
+The part `hand` holds changes that a person tries against what improve offers in each aim, for the pad of a gripper's
+finger: all by `score`, with bounds.
 """
 
 from __future__ import annotations
@@ -30,8 +33,9 @@ from design.search.improve import HEIGHTS, Judged, Limit, betters, improvement_s
 from design.spec import SensorDesign
 from design.spec.cheap_fields import CLEAR
 from optopad.jobs.improvement import improve
+from optopad.results.figures import figures_of
 from sims.score.build_tolerance import with_tolerance
-from sims.score.objective import judge
+from sims.score.objective import judge, sizes_of, with_bounds
 from sims.score.result import ContinuityScore
 from sims.score.scoring import verdict_of
 from sims.verdict.depth_curve import DEADBAND_THRESHOLD
@@ -50,6 +54,29 @@ JUDGED_AGAIN = 3
 SHAPES = ("rectangle", "disc", "dome")
 PAIR, PAD, DOME = (preset(name) for name in ("piacenza2017-pair", "fingertip-16", "fingertip-dome"))
 PARTS = (("sunled-xscwd23mb", "osram-sfh206k"), ("kingbright-apt2012zgc", "osram-sfh2400"))
+HAND_BEGIN, HAND_END = "<!-- hand: begin -->", "<!-- hand: end -->"
+MARGIN = "operating.workspace_margin_mm"
+HAND = (
+    {},
+    {"gain.target_counts": 600.0},
+    {"gain.target_counts": 1200.0},
+    {"gain.target_counts": 2000.0},
+    {CLEAR: 5.5},
+    {CLEAR: 6.0},
+    {CLEAR: 5.5, "gain.target_counts": 1200.0},
+    {HEIGHTS[0]: 2.3, HEIGHTS[1]: 2.5},
+    {HEIGHTS[0]: 1.9, HEIGHTS[1]: 2.1},
+    {CLEAR: 5.5, "gain.target_counts": 1200.0, MARGIN: 1.6},
+)
+"""What a person tries."""
+FIGURES = {
+    "margin": ("margin", "sigma", -1.0),
+    "location": ("location_bound_mm", "mm", 1.0),
+    "contact": ("detection_force_n", "N", 1.0),
+    "size": ("outer_volume_cm3", "cm3", 1.0),
+    "flush": ("above_surface_mm", "mm", 1.0),
+}
+"""Figure of each aim, its unit, and 1 if less is better."""
 BEGIN, END = "<!-- improve: begin -->", "<!-- improve: end -->"
 
 
@@ -197,10 +224,17 @@ def grid(design: SensorDesign) -> dict[str, Any]:
         design, vary={}, keep=(), more_parts=False, trials=1, seed=0, figures=("margin", "resolvable_steps")
     )
     fields = {field.path: field for field in space.fields}
-    values = [np.linspace(fields[p].low, fields[p].high, GRID).round(2) for p in (*HEIGHTS, CLEAR)]
+    layers = np.linspace(fields[CLEAR].low, fields[CLEAR].high, GRID).round(2)
     contiguous = (Limit(figure="verdict", equals="CONTIGUOUS"),)
     tried = []
-    for point in itertools.product(*values):
+    points = [  # no height above its layer, which a rule refuses
+        (*heights, clear)
+        for clear in layers
+        for heights in itertools.product(
+            *(np.linspace(fields[p].low, min(fields[p].high, clear), GRID).round(2) for p in HEIGHTS)
+        )
+    ]
+    for point in points:
         try:
             changed = design.with_(**dict(zip((*HEIGHTS, CLEAR), map(float, point), strict=True)))
         except OptopadError:
@@ -318,10 +352,104 @@ def table_row(one: dict[str, Any]) -> str:
     return "| " + " | ".join(cells) + " |"
 
 
+def hand_pad() -> SensorDesign:
+    """34 x 18 mm with 6 + 6 parts around it: 5 mm LEDs on their side, a Teensy, a tip of 2 mm."""
+    return load_design(Path(__file__).with_name("hand_pad.toml"))
+
+
+def by_score(design: SensorDesign) -> dict[str, Any]:
+    """Verdict and the figure of each aim; a design out of the models' scope has none."""
+    score = with_bounds(design, verdict_of(design))
+    found = figures_of(design, score).to_json() | sizes_of(design) | {"margin": score.margin}
+    figures = {name: found[name] for name, _, _ in FIGURES.values()}
+    return plain(score) | figures | {"unresolved_share": found["unresolved_share"]}
+
+
+def hand() -> None:
+    """Judge the changes by hand and what improve offers in each aim, and write the section."""
+    base, file = hand_pad(), FOLDER / "hand.json"
+    known = json.loads(file.read_text()) if file.is_file() else {}
+    for changes in HAND:
+        key = "hand: " + (", ".join(f"{path} = {value:g}" for path, value in changes.items()) or "as given")
+        if key not in known:
+            known[key] = by_score(base.with_(**changes))
+            write_text_atomically(file, json.dumps(known, indent=1))
+            print(key, known[key], flush=True)
+    for aim in FIGURES:
+        key = f"improve --aim {aim}"
+        if key not in known:
+            made = improve(base, FOLDER, aim=aim)
+            offered = [load_design(path) for path in made.files]
+            best = made.alternatives[0].changes if offered else {}
+            known[key] = by_score(offered[0] if offered else base) | {"changes": best}
+            write_text_atomically(file, json.dumps(known, indent=1))
+            print(key, known[key], flush=True)
+    replaced(HAND_BEGIN, HAND_END, hand_section(known))
+
+
+def hand_section(known: dict[str, Any]) -> str:
+    rows = []
+    for key, one in known.items():
+        changed = ", ".join(f"{path} = {value}" for path, value in one.get("changes", {}).items())
+        cells = [f"{key}: {changed}" if changed else key, one["verdict"]]
+        cells += ["-" if one[name] is None else f"{one[name]:.3g}" for name, _, _ in FIGURES.values()]
+        rows.append("| " + " | ".join([*cells, f"{100 * one['unresolved_share']:.0f} %"]) + " |")
+    by_hand = {
+        key: one
+        for key, one in known.items()
+        if key.startswith("hand") and one["verdict"] == "CONTIGUOUS" and MARGIN not in key
+    }
+    told = []
+    for aim, (name, unit, sign) in FIGURES.items():
+        best = min(sign * one[name] for one in by_hand.values() if one[name] is not None)
+        mine = known[f"improve --aim {aim}"][name]
+        is_missed = mine is None or sign * mine > best + 1e-9
+        words = "**improve is worse**" if is_missed else "improve is at least as good"
+        told.append(
+            f"{aim} {'-' if mine is None else f'{mine:.3g}'} {unit} against {sign * best:.3g}: {words}"
+        )
+    text = (
+        "A pad for a gripper, 34 x 18 mm, with 6 + 6 parts around it, a layer of 5 mm, LEDs of 5 mm at 2.1 mm, "
+        "photodiodes at 2.3 mm, a 12-bit board and a target of 300 counts. A user of a similar pad had found 17.2 "
+        "sigma by hand (layer 5.5, 1200 counts, workspace margin 1.6 mm), 13.1 sigma at the given layer, and a "
+        "location of 0.026 mm. All figures are those of `score`. What improve offers first in each aim, against the "
+        "best by hand at the given workspace margin: " + "; ".join(told) + "."
+    )
+    heads = ["design", "verdict", *(f"{name} {unit}" for name, unit, _ in FIGURES.values()), "not resolved"]
+    lines = [
+        HAND_BEGIN,
+        "## A pad improved by hand",
+        "",
+        *textwrap.wrap(text, WIDTH, break_on_hyphens=False),
+        "",
+        "| " + " | ".join(heads) + " |",
+        "|---" * len(heads) + "|",
+        *rows,
+        "",
+        "`python -m tests.validation.verdict.improve_table hand`.",
+        "",
+        HAND_END,
+    ]
+    return "\n".join(lines)
+
+
+def replaced(begin: str, end: str, section: str) -> None:
+    """Write a section between its marks, or before the last sections of the page."""
+    text = PAGE.read_text(encoding="utf-8")
+    if begin in text:
+        text = text[: text.index(begin)] + section + text[text.index(end) + len(end) :]
+    else:
+        text = text.replace("## What it means", section + "\n\n## What it means", 1)
+    write_text_atomically(PAGE, text)
+
+
 def main() -> None:
     """Judge what is left, and write the section."""
     FOLDER.mkdir(parents=True, exist_ok=True)
     part = sys.argv[1] if len(sys.argv) > 1 else ""
+    if part == "hand":
+        hand()
+        return
     bad_rows = [] if part == "pads" else bad_designs(random_row, ROWS, "rows")
     shapes = [] if part in ("rows", "grids") else SHAPES
     bad_pads = [one for of in shapes for one in bad_designs(partial(random_pad, of), PADS, f"{of}-pads")]
@@ -334,12 +462,7 @@ def main() -> None:
     pads = [improved(one) for one in bad_pads]
     if part:
         return
-    text = PAGE.read_text(encoding="utf-8")
-    if BEGIN in text:
-        text = text[: text.index(BEGIN)] + section(rows, pads) + text[text.index(END) + len(END) :]
-    else:
-        text = text.replace("## What it means", section(rows, pads) + "\n\n## What it means", 1)
-    write_text_atomically(PAGE, text)
+    replaced(BEGIN, END, section(rows, pads))
 
 
 if __name__ == "__main__":
