@@ -156,7 +156,7 @@ def report_html(
         name=escape(design.name),
         digest=escape(design.digest[:8]),
         navigation=_navigation(shown),
-        verdict=joined([banner(design, score), headline(score)]),
+        verdict=joined([banner(design, score), headline(design, score)]),
         sections=joined(shown.values()),
         script=script_element(),
     )

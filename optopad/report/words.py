@@ -30,6 +30,7 @@ from string import Template
 from typing import Any
 
 from design.spec import SensorDesign
+from optopad.results.figures import figures_of
 from optopad.screen.verdict_sentences import counted, no_fix_words, sentences_of, signed, spans
 from sims.bounds.observability import BoundFigure, PadBounds
 from sims.score.result import ContinuityScore, JudgedPair, Verdict
@@ -360,42 +361,53 @@ def rests_on(score: ContinuityScore) -> Html | None:
     )
 
 
-def _error(score: ContinuityScore, figure: str, digits: int = 3) -> str:
-    """Text with the numerical error of a figure; empty if it was not computed."""
-    if score.figure_errors is None:
-        return ""
-    return f", ± {score.figure_errors[figure]:.{digits}f} by numerical error"
+NOTES = {
+    "margin": "least change of a frame over 0.3 mm of depth; a deadband is below 3",
+    "usable": "depth is resolved down to it",
+    "deadband": "summed at the worst location, or of the facing pair of the verdict",
+    "location": "Cramér-Rao bound from one frame, median over the pad",
+    "depth": "Cramér-Rao bound from one frame, median over the pad",
+    "contact": "load from which a press is detected at every location",
+    "unresolved": "of the volume, where one frame does not resolve x, y and depth together",
+    "pressable": "length and width of the workspace, and its share of the pad",
+    "outside": "length and width in the mold",
+    "height": "in the mold",
+    "parts": "LEDs and photodiodes",
+    "price": "of the rows of the bill whose price is known",
+}
+"""What the figures of a design are of, by their names in `optopad.results.figures`."""
 
 
-def headline(score: ContinuityScore) -> Html:
-    """The headline figures: worst deadband, share of pairs with one, mode gap, continuity, evenness, strength."""
+def headline(design: SensorDesign, score: ContinuityScore) -> Html:
+    """The figures that one chooses a design by, as on the screens of `compare` and `sweep`."""
+    if score.strength is None:
+        return Html("")
+    cells = [cell for cell in figures_of(design, score).cells if cell.name in NOTES and cell.text != "-"]
+    tiles = [
+        (cell.name.capitalize(), cell.words.removeprefix(cell.name).strip(), NOTES[cell.name])
+        for cell in cells
+    ]
+    units = builds_tile(score.builds)
+    return element("dl", *(_tile(*tile) for tile in [*tiles, *([units] if units else [])]), class_="tiles")
+
+
+def pair_words(score: ContinuityScore) -> Html:
+    """A paragraph with the figures of single pairs: of the governing facing pair, or medians over the judged pairs."""
     if score.strength is None or score.continuity is None or score.evenness is None:
         return Html("")
-    of = governing(score).name if score.is_facing_rows else f"median of {len(score.pairs)} judged pairs"
-    steps = score.strength["resolvable_steps"]
-    tiles = (
-        _deadband_tile(score),
-        _pairs_tile(score),
-        _gap_tile(score, of),
-        (
-            "Continuity",
-            f"{score.continuity:.2f}",
-            f"share of the depth outside deadbands{_error(score, 'continuity')}; {of}",
-        ),
-        (
-            "Evenness",
-            f"{score.evenness:.2f}",
-            f"smallest over mean change in a 0.5 mm window{_error(score, 'evenness')}; {of}",
-        ),
-        (
-            "Strength",
-            f"{score.strength['untouched_counts']:.0f} counts",
-            f"untouched, {score.strength['untouched_flux']:.2e} of the emitted power; swing "
-            f"{score.strength['swing']:.0%}, {steps:.0f} resolvable steps{_error(score, 'resolvable_steps', 1)}; {of}",
-        ),
+    of = governing(score).name if score.is_facing_rows else f"Median of {len(score.pairs)} judged pairs"
+    worst = f", {score.worst_pair} the longest, {score.worst_pair_mm:.2f} mm" if score.worst_pair_mm else ""
+    gap, least = score.mode_gap_mm, governing(score).score.modes.gap_at_least_mm
+    modes = "mode 2 does not begin within the depth" if gap is None else f"mode gap {signed(gap)} mm"
+    bound = f" (gap at least {least:.2f} mm for {governing(score).name})" if gap is None and least else ""
+    dead = f"{score.pairs_with_deadband} of {len(score.pairs)} have a deadband{worst}"
+    return element(
+        "p",
+        f"{of}: baseline {score.strength['untouched_counts']:.0f} counts, swing {score.strength['swing']:.0%}, "
+        f"{score.strength['resolvable_steps']:.0f} resolvable steps, {modes}{bound}, continuity "
+        f"{score.continuity:.2f}, evenness {score.evenness:.2f}. Each pair alone, pressed at the middle of its own "
+        f"path: {dead}.",
     )
-    more = [tile for tile in (bounds_tile(score), builds_tile(score.builds)) if tile is not None]
-    return element("dl", *(_tile(*tile) for tile in (*tiles, *more)), class_="tiles")
 
 
 def _tile(label: str, value: str, note: str) -> Html:
@@ -404,48 +416,6 @@ def _tile(label: str, value: str, note: str) -> Html:
         element("dt", label),
         element("dd", element("span", value, class_="value"), element("span", note, class_="note")),
     )
-
-
-def _deadband_tile(score: ContinuityScore) -> Tile:
-    value = f"{score.deadband_total_mm:.2f} mm" if score.deadbands_mm else "none"
-    if score.is_facing_rows:
-        where = f"{governing(score).name}: {spans(score.deadbands_mm, 'no interval')}"
-        return "Deadband of the middle facing pair", value, where + (" mm" if score.deadbands_mm else "")
-    if not score.deadbands_mm or score.pad_map is None:
-        return (
-            "Worst deadband of the pad",
-            value,
-            "at any pressed location, all readings of a frame together",
-        )
-    worst = score.pad_map.worst
-    return (
-        "Worst deadband of the pad",
-        value,
-        f"at x = {worst.x_mm:g}, y = {worst.y_mm:g} mm, all pairs together",
-    )
-
-
-def _pairs_tile(score: ContinuityScore) -> Tile:
-    value = f"{score.pairs_with_deadband} of {len(score.pairs)}"
-    note = "none has one"
-    if score.worst_pair_mm:
-        note = f"worst {score.worst_pair} with {score.worst_pair_mm:.2f} mm"
-    if score.clipped:
-        note += f"; {len(score.clipped)} read above full scale"
-    return "Pairs with a deadband of their own", value, f"{note}; each pressed at its own mid-span"
-
-
-def _gap_tile(score: ContinuityScore, of: str) -> Tile:
-    gap = score.mode_gap_mm
-    if gap is not None:
-        return (
-            "Mode gap",
-            f"{signed(gap)} mm",
-            f"{'the modes overlap' if gap < 0 else 'from mode 1 to mode 2'}; {of}",
-        )
-    least = governing(score).score.modes.gap_at_least_mm
-    bound = f", at least {least:.2f} mm for {governing(score).name}" if least is not None else ""
-    return "Mode gap", "open", f"mode 2 does not begin within the depth{bound}; {of}"
 
 
 def banner(design: SensorDesign, score: ContinuityScore) -> Html:
@@ -481,33 +451,6 @@ def _sentence(text: str) -> str:
     """The text as a sentence: with a full stop, and with a capital unless it begins with a field's path."""
     is_path = "." in text.split(" ", 1)[0]
     return f"{text if is_path else text[:1].upper() + text[1:]}."
-
-
-def bounds_tile(score: ContinuityScore) -> Tile | None:
-    """Label, value and note of the bounds for the headline; None if the score has no bounds."""
-    bounds = score.bounds
-    if bounds is None:
-        return None
-    if score.is_facing_rows:
-        depth = bounds.median_depth_alone_mm
-        return (
-            "Resolution of depth",
-            _mm(depth.value),
-            "standard deviation, median over the pad, one frame of all readings, location known",
-        )
-    place, depth = bounds.median_location_mm, bounds.median_depth_mm
-    if math.isinf(place.value):
-        return (
-            "Resolution",
-            "not resolved",
-            "in over half of the pad's volume location or depth is not resolved",
-        )
-    return (
-        "Resolution of location, and of depth",
-        _both(place.value, depth.value),
-        f"standard deviation, median over the pad, one frame of all readings; {bounds.dead_share.percent()} of the "
-        "volume dead",
-    )
 
 
 def bounds_words(score: ContinuityScore) -> list[Html]:

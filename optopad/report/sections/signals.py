@@ -12,6 +12,7 @@ from optopad.report.words import (
     data_element,
     element,
     governing,
+    pair_words,
     ranked,
     reading,
     section,
@@ -255,6 +256,7 @@ def pairs_section(score: ContinuityScore, drawings: Drawings) -> Html:
     return section(
         "pairs",
         "All judged pairs",
+        pair_words(score),
         figure_of(drawings["pairs"], "Depths of each pair's modes and deadbands, each under its own press."),
         table(
             PAIR_HEADS,

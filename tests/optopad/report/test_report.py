@@ -19,7 +19,7 @@ from optopad.report.sections.closing import WRITTEN_LAST
 from optopad.report.sections.drawings import drawings_of, shown_pairs
 from optopad.report.sections.load import force_section
 from optopad.report.sections.published import PIACENZA_2017, compared, published_load
-from optopad.report.words import Html, bullets, element, governing, headline, ranked, rests_on, table
+from optopad.report.words import Html, bullets, element, governing, pair_words, ranked, rests_on, table
 from optopad.screen.verdict_sentences import sentences_of
 from sims.score.result import ContinuityScore
 from tests.optopad.report.page_reader import Page
@@ -103,8 +103,8 @@ def test_the_page_carries_every_warning_and_the_values_it_rests_on(text: str) ->
 def test_the_headline_gives_the_worst_place_and_its_depths(text: str) -> None:
     said = Page(text).text
     assert "At 10 of 25 locations depth is not resolved; worst 1.20 to 3.10 mm at (6, 6) mm." in said
-    assert "Worst deadband of the pad 1.90 mm" in said
-    assert "Pairs with a deadband of their own 36 of 36" in said
+    assert "Deadband 1.90 mm" in said
+    assert "pressed at the middle of its own path: 36 of 36 have a deadband" in said
 
 
 def test_the_page_needs_nothing_from_outside(text: str) -> None:
@@ -238,7 +238,7 @@ def test_facing_rows_show_every_facing_pair(pair_bundle: Path) -> None:
 def test_a_contiguous_pad_says_so_and_has_no_deadband_map(tmp_path: Path) -> None:
     said = Page(written(tmp_path, PAD, contiguous_score())).text
     assert "Depth is resolved from contact to 5 mm at all 25 locations, x and y known." in said
-    assert "Worst deadband of the pad none" in said
+    assert "Deadband 0.00 mm" in said
     assert not (tmp_path / "sims" / "plot-map-deadband.svg").exists()
 
 
@@ -306,8 +306,8 @@ def test_an_open_mode_gap_is_given_as_a_bound() -> None:
     never = replace(score.pairs[0], score=made_up_pair(onset_mm=6.0, last_mm=7.0).score)
     opened = replace(score, mode_gap_mm=None, pairs=(never, *score.pairs[1:]))
     least = never.score.modes.gap_at_least_mm
-    said = Page(headline(opened)).text
-    assert f"Mode gap open mode 2 does not begin within the depth, at least {least:.2f} mm for E2-R2" in said
+    said = Page(pair_words(opened)).text
+    assert f"mode 2 does not begin within the depth (gap at least {least:.2f} mm for E2-R2)" in said
 
 
 def test_the_governing_pair_is_the_middle_facing_one_or_a_pads_worst() -> None:

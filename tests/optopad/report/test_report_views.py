@@ -19,7 +19,7 @@ from optopad.report.page import write_report
 from optopad.report.scenes.mold_scene import mold_scene
 from optopad.report.scenes.pair_scene import STEPS, pair_scene
 from optopad.report.sections.maps import load_map, map_scene
-from optopad.report.words import bounds_tile, bounds_words, data_element, html_of, losses_table, script_text
+from optopad.report.words import bounds_words, data_element, html_of, losses_table, script_text
 from sims.optics.light_signals import LightSignals
 from sims.verdict.builds import Brief, BuildStudy
 from sims.verdict.depth_curve import noise_units
@@ -184,12 +184,7 @@ def test_the_bounds_are_told_with_their_limits_and_ends() -> None:
         "Contact is detected at every location from 0.02 N (0.013 to 0.03 N over the modulus's band)" in said
     )
     assert "E3 costs most, 90% (85% to 95%) of the volume stays covered" in said
-    tile = bounds_tile(score)
-    assert tile is not None
-    # the median voxel by volume lies in the layer at 2.8 mm: 0.004 mm x 64 and half of it
-    assert tile[1] == "0.26, 0.13 mm"
     assert bounds_words(replace(score, bounds=None)) == []
-    assert bounds_tile(replace(score, bounds=None)) is None
 
 
 def test_the_load_map_rises_with_depth_and_towards_the_walls() -> None:
