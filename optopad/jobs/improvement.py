@@ -89,6 +89,8 @@ OUTER = ("mold.outer_length_mm", "mold.outer_width_mm", "mold.outer_diameter_mm"
 PAD_MINUTES, ROW_MINUTES = 3.0, 2.0
 """Default time budgets to improve a pad, and facing rows of parts [min on two cores]."""
 CORES = 2
+REVISED_SHARE = 0.4
+"""Processor time to judge a design of a search again at a few more locations, as a share of the first time [-]."""
 PAD_S, PAIR_S, ROW_S = 1.9, 0.04, 0.6
 """Processor time to evaluate one design in the search [s]: for a pad a fixed part and a part per pair, for facing rows
 one value."""
@@ -401,7 +403,9 @@ class Confirmation:
         self._differences = [0.0]
         self._overrates: list[tuple[Tried, float]] = []
         self._lit, self._bounded = set[object](), set[object]()
+        self._revised: dict[int, tuple[Tried, int]] = {}
         before = self.verdict(space.base)
+        self._deciding_mm = _deciding_places(before)
         self.before = with_bounds(space.base, before, on_step=tell)
         self.spent_s = costs.verdict_s + costs.bounds_s + costs.tolerance_s
         self.base = Judged()
@@ -500,9 +504,45 @@ class Confirmation:
 
         It is the first with the required margin, corrected for the search's typical error; if none has it, the best.
         """
-        fresh = [one for one in tried if one.digest and one.number not in self._taken]
+        fresh = [self._latest(one) for one in tried if one.digest and one.number not in self._taken]
         if kind is None:
             return max((one for one in fresh if one.judged.figures), key=_worth, default=None)
+        while True:
+            best = self._first_of(kind, fresh)
+            if best is None or self._is_latest(best):
+                return best
+            self._revise(best)
+            fresh = [self._latest(one) for one in fresh]
+
+    def _latest(self, one: Tried) -> Tried:
+        return self._revised[one.number][0] if one.number in self._revised else one
+
+    def _is_latest(self, one: Tried) -> bool:
+        known = (
+            self._revised[one.number][1]
+            if one.number in self._revised
+            else len(_deciding_places(self.before))
+        )
+        return known == len(self._deciding_mm)
+
+    def _revise(self, one: Tried) -> None:
+        """Judge a design of the search also at the locations that decided the verdict of scored designs.
+
+        The few locations of a search may miss the one with the least margin, so it would overrate all similar designs.
+        """
+        self.spent_s += REVISED_SHARE * self.costs.trial_s
+        more = judge(
+            self.space.changed(one.parameters),
+            (),
+            wanted=("margin",),
+            accuracy=self.space.accuracy,
+            also_mm=self._deciding_mm,
+            seed=self.seed,
+        )
+        judged = replace(more, figures=one.judged.figures | more.figures)
+        self._revised[one.number] = replace(one, judged=judged), len(self._deciding_mm)
+
+    def _first_of(self, kind: Kind, fresh: Sequence[Tried]) -> Tried | None:
         every = picks(self.space, self.base, fresh, self.accuracy, self.most_mm, kinds=(kind,))
         candidates = [pick.tried for pick in every]
         margin = DEADBAND_THRESHOLD if kind == "most depth" else SAFE_MARGIN
@@ -534,6 +574,11 @@ class Confirmation:
     def _add(self, one: Tried) -> None:
         """Score a design, and, if its verdict is good or nearly so, the same design with other targets of the gain."""
         score = self._scored(one)
+        new_mm = [place for place in _deciding_places(score) if place not in self._deciding_mm]
+        if new_mm:
+            self._deciding_mm += new_mm
+            self._revise(one)
+            one = self._latest(one)
         self._learn(one.judged, score)
         if score.margin is not None:
             self._overrates.append((one, margin_of(one.judged) - score.margin))
