@@ -207,7 +207,7 @@ def _press_findings(design: SensorDesign) -> Iterator[Finding]:
     if depth > clear - ROUNDING_MM:
         yield error(
             "operating.max_depth_mm",
-            "the deepest press goes through the clear layer",
+            "the deepest press passes through the clear layer",
             value=f"{depth:g} mm",
             limit=f"less than cavity.clear_thickness_mm = {clear:g} mm",
             way_out="lower it, or thicken the layer",

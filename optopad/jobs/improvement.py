@@ -31,7 +31,7 @@ from statistics import median
 from typing import Any
 
 from design.errors import DesignError, InputError, ModelScopeError
-from design.fields.base import get_at, known_paths, set_at
+from design.fields.base import get_at, known_paths, leaves, set_at
 from design.io import dump_design, load_design, write_text_atomically
 from design.progress import OnStep, silent
 from design.rules.check import check, require_valid
@@ -211,7 +211,7 @@ def _require_aim(aim: str | None, *, facing: bool) -> None:
         raise InputError(f"--aim: {aim!r} is refused: give one of {', '.join(AIMS)}")
     if aim == "location" and facing:
         raise InputError(
-            "--aim: location is refused for facing rows, which do not tell a press's location; give one of "
+            "--aim: location is refused for facing rows, which do not resolve the location of a press; give one of "
             + ", ".join(one for one in AIMS if one != aim)
         )
 
@@ -760,9 +760,9 @@ def least_rim(design: SensorDesign) -> dict[str, float]:
 
 def smallest_mold(design: SensorDesign) -> dict[str, float]:
     """The smallest outer size and rim of the mold that no rule refuses or warns of; empty if it is that small."""
-    changes = least_rim(design)
+    changes, own = least_rim(design), dict(leaves(design.model_dump(mode="json")))
     for path in OUTER:
-        if get_at(design.model_dump(mode="json"), path) is not None:
+        if own.get(path) is not None:
             changes |= _lowered(design.with_(**changes), path, 0.0, 0.5)
     return changes
 

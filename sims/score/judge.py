@@ -38,7 +38,6 @@ from typing import Literal
 import numpy as np
 
 from design.arrays import BoolArray, FloatArray
-from design.errors import ModelScopeError
 from design.progress import OnShare, OnStep
 from design.shape.cavity import (
     CavityGeometry,
@@ -55,7 +54,7 @@ from sims.bounds.detection_threshold import DetectionThreshold, detection_thresh
 from sims.bounds.fisher import COARSE_DEPTHS_MM, FINE_DEPTHS_MM
 from sims.bounds.observability import BOUND_ACCURACIES, MANY_PAIRS_BOUNDS, PadBounds, pad_bounds
 from sims.contact.force_curve import ForceCurve, force_curve
-from sims.contact.indentation import require_corner, solved_press
+from sims.contact.indentation import require_corner, require_covered, solved_press
 from sims.optics.accuracy import ACCURACIES, Accuracy
 from sims.optics.light_signals import LightSignals
 from sims.optics.tracing import trace
@@ -64,7 +63,7 @@ from sims.readings.readout import Readout, readout_of
 from sims.score.result import Interval, JudgedPair
 from sims.verdict.builds import pair_margin, score_curves
 from sims.verdict.causes import Cause, causes_of_pad, causes_of_pairs
-from sims.verdict.depth_curve import DEADBAND_MIN_LENGTH_MM, DEADBAND_THRESHOLD, TRACE_ERROR_LIMIT
+from sims.verdict.depth_curve import DEADBAND_THRESHOLD, TRACE_ERROR_LIMIT
 from sims.verdict.pad_map import (
     COARSE_PLACES,
     FINE_PLACES,
@@ -429,21 +428,16 @@ class Judge:
         require_corner(self.design)
         return force_curve(self.design, press, depth_schedule_mm(self.deepest_mm))
 
-    @property
+    @cached_property
     def deepest_mm(self) -> float:
         """Deepest press [mm].
 
         Raises
         ------
-        ModelScopeError : the deepest press is less than the shortest deadband, so nothing can be judged.
+        ModelScopeError : the models give no verdict on the design (`require_covered`).
         """
-        deepest = self.design.operating.max_depth_mm
-        if deepest < DEADBAND_MIN_LENGTH_MM:
-            raise ModelScopeError(
-                f"operating.max_depth_mm: {deepest:g} mm is less than a deadband's least length, "
-                f"{DEADBAND_MIN_LENGTH_MM:g} mm, so nothing can be judged; raise it"
-            )
-        return deepest
+        require_covered(self.design)
+        return self.design.operating.max_depth_mm
 
     @cached_property
     def untouched(self) -> FloatArray:

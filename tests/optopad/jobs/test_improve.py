@@ -17,6 +17,7 @@ import optopad.jobs.improvement as improvement
 import sims.score.objective as objective
 from design.io import load_design
 from design.preset import preset, preset_text
+from design.rules.check import check
 from optopad.cli.main import main
 from optopad.cli.search import INTERRUPTED
 from optopad.screen.verdict import LINES
@@ -247,6 +248,7 @@ def test_the_screen_names_what_changes_and_the_next_command(design_file, capsys)
     assert any(line.startswith("next        optopad run ") for line in lines)
 
 
+@pytest.mark.slow
 def test_what_binds_is_named_where_nothing_mends_it(design_file, capsys):
     options = ["--keep", "cavity.clear_thickness_mm", "--keep", "receivers.height_mm", "--out", "kept"]
     said = improved(design_file, capsys, *options)
@@ -273,3 +275,11 @@ def test_what_it_cannot_do_is_said(design_file, capsys, options, words):
     assert main(["improve", str(design_file), *options]) == BAD_INPUT
     assert words in capsys.readouterr().err
     assert sorted(design_file.parent.rglob("*")) == before
+
+
+def test_the_smallest_mold_of_any_outline_has_no_more_findings():
+    for name in ("piacenza2017-pad", "levi2013-disc"):
+        design = preset(name)
+        changes = improvement.smallest_mold(design)
+        assert changes
+        assert len(check(design.with_(**changes))) <= len(check(design))
