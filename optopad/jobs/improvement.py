@@ -96,7 +96,7 @@ PAD_S, PAIR_S, ROW_S = 1.9, 0.04, 0.6
 one value."""
 CURVED = 4.0
 """Factor by which the search takes longer per design for a round pad or one with a convex top [-]."""
-SEARCH, HARD_SEARCH = 0.4, 0.7
+SEARCH, HARD_SEARCH = 0.3, 0.7
 """Fraction of the time budget for the search with its coarse light model [-]; the rest is for full scores. The second
 value is for a search that has found no design without a deadband."""
 SPREAD = 0.6
@@ -453,7 +453,7 @@ class Confirmation:
         if self.aim in SIZE_AIMS:
             self.base = replace(self.base, figures=self.base.figures | sizes_of(self.space.base))
         self._learn(base, self.before)
-        tried = self.with_aim(tried)
+        tried = self.with_aim([*tried, *self._at_other_gains(tried)])
         best = sorted((one for one in tried if is_possible(one.judged)), key=_worth, reverse=True)
         if self.accuracy != LOCATION or not best or self.aim in BOUND_AIMS:
             return tried
@@ -465,6 +465,26 @@ class Confirmation:
             else one
             for one in tried
         ]
+
+    def _at_other_gains(self, tried: Sequence[Tried]) -> list[Tried]:
+        """The search's designs with other targets of the gain, so that each is known at its best."""
+        known = {(_light_of(one), one.parameters.get(TARGET)) for one in tried}
+        found: list[Tried] = []
+        for one in tried:
+            for point in gain_points(self.space, one.parameters) if is_possible(one.judged) else ():
+                if (_light_of(one), point[TARGET]) in known or not is_allowed(self.space, point):
+                    continue
+                known.add((_light_of(one), point[TARGET]))
+                self.spent_s += KNOWN_S
+                design = self.space.changed(point)
+                made = replace(one, number=-1 - len(found), parameters=point, digest=design.digest)
+                found.append(replace(made, judged=self._quick(design)))
+        return found
+
+    def _quick(self, design: SensorDesign) -> Judged:
+        """Verdict and margin with a search's light, also where scored designs were decided."""
+        accuracy, also_mm = self.space.accuracy, self._deciding_mm
+        return judge(design, (), wanted=("margin",), accuracy=accuracy, also_mm=also_mm, seed=self.seed)
 
     def _with_accuracy(self, judged: Judged, design: SensorDesign) -> Judged:
         self.tell("accuracy", 0.0)
@@ -478,7 +498,8 @@ class Confirmation:
         Each kind has some candidates scored; then all kinds in turn, until the budget is used or no candidate is left.
         """
         attempts = ATTEMPTS if self.accuracy == LOCATION else ROW_ATTEMPTS
-        for kind in (*self.kinds, None):
+        wanted = self.kinds[:1] if self.aim else self.kinds
+        for kind in (*wanted, None):
             for number in range(attempts):
                 one = self._next_of(kind, tried)
                 if one is None or (kind is None and (self.best(KINDS[0]) or number >= LEAST_JUDGED)):
@@ -487,9 +508,9 @@ class Confirmation:
                 best = None if kind is None else self.best(kind)
                 if best is not None and best.is_robust:
                     break
-        reserve_s = 2 * (self.costs.bounds_s + self.costs.tolerance_s)
+        reserve_s = self.costs.bounds_s + self.costs.tolerance_s
         while self.spent_s < self.costs.budget_s - reserve_s:
-            found = [one for kind in self.kinds if (one := self._next_of(kind, tried)) is not None]
+            found = [one for kind in wanted if (one := self._next_of(kind, tried)) is not None]
             if not found and not self.best(KINDS[0]):
                 rest = self._next_of(None, tried)
                 found = [] if rest is None else [rest]
@@ -504,7 +525,7 @@ class Confirmation:
 
         It is the first with the required margin, corrected for the search's typical error; if none has it, the best.
         """
-        fresh = [self._latest(one) for one in tried if one.digest and one.number not in self._taken]
+        fresh = [self._latest(one) for one in tried if one.digest and _light_of(one) not in self._lit]
         if kind is None:
             return max((one for one in fresh if one.judged.figures), key=_worth, default=None)
         while True:
@@ -531,14 +552,7 @@ class Confirmation:
         The few locations of a search may miss the one with the least margin, so it would overrate all similar designs.
         """
         self.spent_s += REVISED_SHARE * self.costs.trial_s
-        more = judge(
-            self.space.changed(one.parameters),
-            (),
-            wanted=("margin",),
-            accuracy=self.space.accuracy,
-            also_mm=self._deciding_mm,
-            seed=self.seed,
-        )
+        more = self._quick(self.space.changed(one.parameters))
         judged = replace(more, figures=one.judged.figures | more.figures)
         self._revised[one.number] = replace(one, judged=judged), len(self._deciding_mm)
 
@@ -566,10 +580,6 @@ class Confirmation:
             if is_near(self.space, one, other, apart_from=(TARGET,))
         ]
         return margin_of(one.judged) - max([self.overrated, *near])
-
-    @property
-    def _taken(self) -> set[int]:
-        return {one.tried.number for one in self.pool.values()}
 
     def _add(self, one: Tried) -> None:
         """Score a design, and, if its verdict is good or nearly so, the same design with other targets of the gain."""

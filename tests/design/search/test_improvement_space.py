@@ -73,6 +73,7 @@ def test_what_costs_little_varies_by_default():
     assert "gain.target_counts" not in [field.path for field in space_of(ohms).fields]
 
 
+@pytest.mark.slow
 def test_the_base_is_a_point_of_its_space():
     for design in (PAD, PAIR, THICK, preset("oblong-60x40"), preset("fingertip-16")):
         assert space_of(design).base_parameters() is not None
