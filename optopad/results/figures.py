@@ -272,9 +272,9 @@ def summary_words(design: SensorDesign, score: ContinuityScore | None) -> str:
     score : the design's score; if None, the loads are left out
     """
     found = figures_of(design, score)
-    outside, pressable = f"{_sizes(found.outer_mm)} mm", f"pressable {_sizes(found.pressable_mm)} mm"
-    share, bill = share_text(found.pressable_share), found.bill
-    areas = [f"{pressable} ({share} % of the pad)", f"{pressable} ({share} %)"]
+    cavity, bill = cavity_of(design), found.bill
+    outside, pad = f"{_sizes(found.outer_mm)} mm", _sizes((cavity.length_mm, cavity.width_mm))
+    pressable = f"pressable {_sizes(found.pressable_mm)}"
     if bill.known:
         short = price_text(bill)
         missing = f" ({bill.unpriced} of {bill.rows} rows without a price)" if bill.unpriced else ""
@@ -283,11 +283,16 @@ def summary_words(design: SensorDesign, score: ContinuityScore | None) -> str:
             short,
         ]
     else:
-        prices = ["no price known", "no price"]
+        prices = ["no price known", ""]
     # the last choice is the first to be shortened
     forms = [
         ", ".join(filter(None, (size, area, load, f"{found.parts} parts", price)))
-        for load, size, price, area in product(_loads(found), [f"{outside} outside", outside], prices, areas)
+        for area, load, size, price in product(
+            [f"{pressable} of {pad} mm", f"{pressable} mm"],
+            _loads(found),
+            [f"{outside} outside", outside],
+            prices,
+        )
     ]
     return next((form for form in forms if len(form) <= SUMMARY_ROOM), forms[-1])
 

@@ -200,6 +200,8 @@ def _next(score: ContinuityScore, command: str, fix: str, *, is_built: bool) -> 
         return f"optopad improve {command} --more-parts   ({fix})"
     if score.causes or (score.tolerance is not None and score.tolerance.flipping and not is_built):
         return f"optopad improve {command}   (up to four verified designs: minutes)"
+    if is_built and score.tolerance is not None and score.tolerance.flipping:
+        return f"optopad improve {command}, or measure the parameter, before you print cad/mold.stl"
     if is_built:
         return "open the report, print cad/mold.stl, follow fabrication/casting.md"
     return f"optopad run {command}   (mold, wiring, firmware, report: about a minute)"

@@ -144,7 +144,7 @@ def _verdict(design: SensorDesign, score: ContinuityScore) -> str:
         blind = [pair for pair in score.pairs if pair.score.deadbands_mm]
         if not blind:
             if " to " in words:
-                return f"{words}: the least depth that a facing pair resolves"
+                return f"{words}, where the shallowest facing pair ends"
             return f"{words}: every facing pair resolves depth from contact to {deepest}"
         first = next((pair for pair in blind if pair.name == score.governing), blind[0])
         return (
@@ -331,7 +331,8 @@ def _resolution(score: ContinuityScore) -> str:
     if math.isinf(max(location.value, depth.value)):
         found = f"one frame does not resolve x, y and depth together in {share} of the volume"
     else:
-        found = f"one frame: location {location.value:.3f} mm, depth {depth.value:.3f} mm (median)"
+        of = "one frame of all pairs" if score.is_facing_rows else "one frame"
+        found = f"{of}: location {location.value:.3f} mm, depth {depth.value:.3f} mm (median)"
         found += f"; unresolved in {share} of the volume" if share else ""
     detection = bounds.detection
     is_late = detection is not None and math.isinf(float(detection.force_n[detection.worst]))

@@ -107,11 +107,11 @@ def test_the_line_of_size_fits_and_says_what_is_known(monkeypatch: pytest.Monkey
     score = replace(contiguous_score(), bounds=made_up_bounds(PAD))
     assert (
         summary_words(PAD, None)
-        == "45 x 45 x 13.5 mm outside, pressable 20 x 20 mm (39 %), 16 parts, no price known"
+        == "45 x 45 x 13.5 mm outside, pressable 20 x 20 of 32 x 32 mm, 16 parts, no price known"
     )
     assert (
         summary_words(PAD, score)
-        == "45 x 45 x 13.5 mm, pressable 20 x 20 mm (39 %), load 0.02 to 37 N, 16 parts, no price"
+        == "45 x 45 x 13.5 mm outside, pressable 20 x 20 of 32 x 32 mm, load 0.02 to 37 N, 16 parts"
     )
 
     def priced(design, gain=None):  # type: ignore[no-untyped-def]
