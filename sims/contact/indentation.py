@@ -51,6 +51,7 @@ from sims.contact.library.profiles import UnitPress
 from sims.contact.library.smooth_press import SmoothPress
 from sims.contact.library.solved_press import LARGEST_CHANGE, ROUNDS, PlacedPress, SolvedPress
 from sims.contact.scope import (
+    ContactSolveError,
     depth_limit_mm,
     elastic_depth_mm,
     half_width_of,
@@ -62,7 +63,6 @@ from sims.contact.scope import (
 )
 from sims.contact.tip import HEMISPHERE, tip_of
 from sims.contact.walls import surroundings
-from sims.contact.wedge import ContactSolveError
 from sims.press import Indentation
 
 Place = tuple[float, float]

@@ -27,6 +27,10 @@ if TYPE_CHECKING:
     from design.spec import SensorDesign
 
 
+class ContactSolveError(RuntimeError):
+    """The contact solver returned a state that fails the checks."""
+
+
 HALF_WIDTH = 16 / 3
 """Half width of the published pad [tip radii]: 16 mm for a 3 mm tip."""
 WALL_RADIUS = 16 / 3

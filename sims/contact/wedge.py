@@ -74,6 +74,7 @@ import numpy as np
 
 from design.arrays import BoolArray, FloatArray, IntArray
 from sims.contact.mesh import RadialMesh, contact_forces, elastic_energy, nodal_forces, shared_out, volumes
+from sims.contact.scope import ContactSolveError
 from sims.contact.tip import HEMISPHERE, TipOutline, tip_gap
 
 SETTLED_LIMIT = 1e-4
@@ -89,10 +90,6 @@ BALANCE_LIMIT = 0.01
 """Largest allowed difference between contact force and reaction of the bonded surfaces, over the force [-]."""
 BALANCE_FLOOR = 1e-4
 """Smallest force by which `BALANCE_LIMIT` is multiplied [E R²]: 0.9 mN for a 3 mm tip and a modulus of 1 MPa."""
-
-
-class ContactSolveError(RuntimeError):
-    """The contact solver returned a state that fails the checks."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from sims.contact.mesh import radial_mesh
+from sims.contact.scope import ContactSolveError
 from sims.contact.wedge import (
     WEDGE_ANGLE,
     WINDOW,
-    ContactSolveError,
     History,
     PressState,
     check_press,
