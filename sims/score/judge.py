@@ -424,9 +424,10 @@ class Judge:
     @cached_property
     def force(self) -> ForceCurve:
         """Force of a press at the centre against depth, at the depths of a score."""
+        depth_mm = depth_schedule_mm(self.deepest_mm)
         press = solved_press(self.design, on_step=lambda share: self.tell("contact", share))
         require_corner(self.design)
-        return force_curve(self.design, press, depth_schedule_mm(self.deepest_mm))
+        return force_curve(self.design, press, depth_mm)
 
     @cached_property
     def deepest_mm(self) -> float:

@@ -46,7 +46,7 @@ from design.spec import SensorDesign
 from design.spec.cheap_fields import TARGET, cheap_fields
 from sims.bounds.fisher import PRESSES, SHALLOW_MM, Steps, stencil_presses
 from sims.bounds.observability import bound_depths_mm
-from sims.contact.indentation import is_in_library, require_covered
+from sims.contact.indentation import is_in_library
 from sims.contact.pad_surface import contact_notes
 from sims.contact.scope import layer_depth, solved_depths, tip_radius_mm
 from sims.optics.accuracy import Accuracy, accuracy_of
@@ -103,7 +103,6 @@ def score(
     judge = Judge(design, settings_of(fine=fine, full=full), seed=seed, on_step=on_step)
     base = _base_of(design, seed=seed, fine=fine, full=full)
     try:
-        require_covered(design)
         found = _scored(judge, base, verdict_only=verdict_only)
     except ModelScopeError as err:
         left = tuple(str(one) for one in check(design) if one.weight < OUT_OF_SCOPE)
@@ -130,7 +129,6 @@ def verdict_of(
     require_valid(design)
     base = _base_of(design, seed=seed)
     try:
-        require_covered(design)
         return _with_verdict(Judge(design, settings, seed=seed, on_step=on_step), base)
     except ModelScopeError as err:
         return replace(base, reason=str(err))
