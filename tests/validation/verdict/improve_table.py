@@ -401,6 +401,8 @@ def hand_section(known: dict[str, Any]) -> str:
     }
     told = []
     for aim, (name, unit, sign) in FIGURES.items():
+        if f"improve --aim {aim}" not in known:
+            continue
         best = min(sign * one[name] for one in by_hand.values() if one[name] is not None)
         mine = known[f"improve --aim {aim}"][name]
         is_missed = mine is None or sign * mine > best + 1e-9
