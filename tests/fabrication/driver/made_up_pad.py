@@ -11,7 +11,7 @@ import numpy as np
 from design.preset import preset
 from fabrication.driver.link.frames import Frame
 from fabrication.driver.simulated.board import FakeBoard
-from fabrication.driver.simulated.finger import NO_FINGER, FingerPath
+from fabrication.driver.simulated.finger import NO_FINGER, Finger
 from fabrication.driver.simulated.press_table import PressTable
 from fabrication.driver_config import dump_driver_config
 from fabrication.driver_file import DriverConfig, config_from_document
@@ -61,7 +61,7 @@ def press_table(name: str = NAME) -> PressTable:
     return PressTable(x_mm=x, y_mm=y, depth_mm=depth, counts=flat * kept)
 
 
-def board(path: FingerPath = NO_FINGER, **options: object) -> FakeBoard:
+def board(path: Finger = NO_FINGER, **options: object) -> FakeBoard:
     """A simulated board of the made-up pad."""
     return FakeBoard(pad_config(), press_table(), path, **options)  # type: ignore[arg-type]
 

@@ -14,12 +14,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
+from design.arrays import FloatArray
 from design.errors import InputError
 from design.preset import preset
 from fabrication.bundle import bundle_name
 from fabrication.driver.simulated.faults import faults_of
-from fabrication.driver.simulated.finger import FingerPath
+from fabrication.driver.simulated.finger import HOVER_MM
 from fabrication.driver.simulated.port import FakePort, PtyWire
 from fabrication.driver_config import dump_driver_config
 from optopad.studio.live import LiveSensor, LiveView
@@ -29,10 +31,16 @@ from tests.fabrication.driver.made_up_pad import NAME, board, pad_config, press_
 
 GAIN = 1e5
 needs_pty = pytest.mark.skipif(os.name != "posix", reason="needs pseudo-terminals")
-FINGER = FingerPath(
-    time_s=np.array([0.0, 1.5, 1.55, 1000.0]),
-    press_mm=np.array([[16.0, 16.0, -5.0]] * 2 + [[10.0, 22.0, 3.0]] * 2),
-)
+
+
+class FingerOnDemand:
+    """A finger that hovers until `is_down` is set: a path over time would press before a slow machine has looked."""
+
+    is_down = False
+
+    def at(self, time_s: ArrayLike) -> FloatArray:
+        place = np.array([10.0, 22.0, 3.0 if self.is_down else HOVER_MM])
+        return np.broadcast_to(place, (*np.shape(time_s), 3))
 
 
 @pytest.fixture(scope="module")
@@ -146,10 +154,12 @@ def test_the_wiring_is_checked_when_the_expected_pattern_is_there_at_last(tmp_pa
 
 def test_a_model_tells_the_touch(bundles: Path, tmp_path: Path) -> None:
     save_model(tmp_path / "pad.optomodel", made_up_model())
-    with FakePort(board(FINGER)) as port, sensor(port.name, bundles, tmp_path / "pad.optomodel") as live:
+    finger = FingerOnDemand()
+    with FakePort(board(finger)) as port, sensor(port.name, bundles, tmp_path / "pad.optomodel") as live:
         live.start()
         said = waited(live, lambda view: view.is_reading).status
         still = waited(live, lambda view: view.touch is not None)
+        finger.is_down = True
         held = waited(live, lambda view: view.touch is not None and view.touch.is_touched)
         time.sleep(0.3)
         held = live.latest()  # type: ignore[assignment]
@@ -166,8 +176,11 @@ def test_a_model_tells_the_touch(bundles: Path, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_rebase_takes_the_pad_as_it_is_now_for_untouched(bundles: Path) -> None:
-    with FakePort(board(FINGER)) as port, sensor(port.name, bundles) as live:
+    finger = FingerOnDemand()
+    with FakePort(board(finger)) as port, sensor(port.name, bundles) as live:
         live.start()
+        waited(live, lambda view: view.normalised is not None)
+        finger.is_down = True
         waited(live, lambda view: view.normalised is not None and bool(np.nanmin(view.normalised) < 0.8))
         live.rebase()
         view = waited(
