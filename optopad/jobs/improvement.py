@@ -57,14 +57,7 @@ from design.search.improve import (
     usable_of,
     worth,
 )
-from design.search.points import (
-    MOST_A_ROUND,
-    MOVES,
-    first_points,
-    gain_points,
-    refinements,
-    spread_points,
-)
+from design.search.points import MOST_A_ROUND, MOVES, first_points, gain_points, refinements, spread_points
 from design.search.space import SearchSpace, Value
 from design.shape.cavity import cavity_of, is_facing_rows, mask_of, plan_of
 from design.spec import SensorDesign
@@ -246,10 +239,8 @@ class Costs:
     @classmethod
     def of(cls, design: SensorDesign, budget_min: float | None, aim: str | None) -> Costs:
         """The costs of a design's improvement; equal on all machines."""
-        stages, facing = (
-            score_cost(design, fine=False, full=False).stages_s,
-            is_facing_rows(cavity_of(design)),
-        )
+        stages = score_cost(design, fine=False, full=False).stages_s
+        facing = is_facing_rows(cavity_of(design))
         return cls(
             budget_s=_budget_s(design, budget_min),
             trial_s=_trial_s(design) * (BOUNDS_FACTOR if aim in BOUND_AIMS else 1.0),
@@ -328,9 +319,7 @@ def _deciding_places(before: ContinuityScore) -> list[tuple[float, float]]:
 
 def _write(made: Improvement, found: Search, text: str | None) -> None:
     if text is None:
-        text = dump_design(made.design).split("\n", 1)[
-            1
-        ]  # its first line names a digest, which will be another
+        text = dump_design(made.design).split("\n", 1)[1]  # its first line names the digest, which changes
     _clear(made.folder, keep={one.file for one in made.alternatives})
     for one in made.alternatives:
         _write_design(made.folder / one.file, text, made.design, one.changes, one.kind)
@@ -495,7 +484,8 @@ class Confirmation:
     def alternatives(self, tried: Sequence[Tried]) -> tuple[Alternative, ...]:
         """The best scored design for every quantity to improve (such as "most depth"), all different.
 
-        Each kind has some candidates scored; then all kinds in turn, until the budget is used or no candidate is left.
+        Each kind has some candidates scored, and so has every change of one field alone; then all kinds in turn, until
+        the budget is used or no candidate is left.
         """
         attempts = ATTEMPTS if self.accuracy == LOCATION else ROW_ATTEMPTS
         wanted = self.kinds[:1] if self.aim else self.kinds
@@ -509,6 +499,9 @@ class Confirmation:
                 if best is not None and best.is_robust:
                     break
         reserve_s = self.costs.bounds_s + self.costs.tolerance_s
+        for one in self._single_changes(tried):
+            if _light_of(one) not in self._lit and self.spent_s < self.costs.budget_s - reserve_s:
+                self._add(one)
         while self.spent_s < self.costs.budget_s - reserve_s:
             found = [one for kind in wanted if (one := self._next_of(kind, tried)) is not None]
             if not found and not self.best(KINDS[0]):
@@ -519,6 +512,18 @@ class Confirmation:
             for one in found:
                 self._add(one)
         return self._offered()
+
+    def _single_changes(self, tried: Sequence[Tried]) -> list[Tried]:
+        """For each field, the design with the largest margin in the search that changes it alone, besides the gain.
+
+        It is what a user would try by hand, and the error of quick light may hide how good it is.
+        """
+        best = dict[frozenset[str], Tried]()
+        for one in sorted(tried, key=lambda one: margin_of(one.judged)):
+            fields = frozenset(changes_of(self.space, one.parameters)) - {TARGET}
+            if one.digest and len(fields) <= 1 and is_possible(one.judged):
+                best[fields] = one
+        return sorted(best.values(), key=lambda one: margin_of(one.judged), reverse=True)
 
     def _next_of(self, kind: Kind | None, tried: Sequence[Tried]) -> Tried | None:
         """The next candidate for a kind that is not scored yet; for None, the best of all designs.
@@ -536,14 +541,10 @@ class Confirmation:
             fresh = [self._latest(one) for one in fresh]
 
     def _latest(self, one: Tried) -> Tried:
-        return self._revised[one.number][0] if one.number in self._revised else one
+        return self._revised.get(one.number, (one, 0))[0]
 
     def _is_latest(self, one: Tried) -> bool:
-        known = (
-            self._revised[one.number][1]
-            if one.number in self._revised
-            else len(_deciding_places(self.before))
-        )
+        _, known = self._revised.get(one.number, (one, len(_deciding_places(self.before))))
         return known == len(self._deciding_mm)
 
     def _revise(self, one: Tried) -> None:

@@ -62,7 +62,8 @@ def with_made_up_physics(monkeypatch: pytest.MonkeyPatch) -> None:
             return contiguous_score(design)
         return replace(dead_score(design), causes=(replace(cause("apart"), short_mm=3.3),))
 
-    monkeypatch.setattr(objective, "judge", lambda design, limits, **_: judge(design, limits))
+    for module in (objective, improvement):
+        monkeypatch.setattr(module, "judge", lambda design, limits, **_: judge(design, limits))
     monkeypatch.setattr(improvement, "verdict_of", scored)
     for also in ("with_tolerance", "with_field_steps", "with_bounds"):
         monkeypatch.setattr(improvement, also, lambda _design, found, **_: found)
