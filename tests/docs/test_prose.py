@@ -11,7 +11,7 @@ ROOT = Path(__file__).parents[2]
 OF_THE_PROGRAM = ("commands.md", "design-fields.md")
 """Pages whose words are those of help texts and fields."""
 PAGES = [
-    ROOT / "README.md",
+    *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md")),
     *(page for page in sorted((ROOT / "docs").rglob("*.md")) if page.name not in OF_THE_PROGRAM),
 ]
 LONG = 30
