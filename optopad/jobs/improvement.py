@@ -76,6 +76,7 @@ from sims.score.result import ContinuityScore
 from sims.score.scoring import score_cost, verdict_of
 from sims.verdict.depth_curve import DEADBAND_THRESHOLD
 
+Light = tuple[tuple[str, Value], ...]
 BOUND_AIMS, SIZE_AIMS = ("location", "contact"), ("size", "flush")
 """Aims whose figure is a bound, and those whose figure follows from the mold."""
 OUTER = ("mold.outer_length_mm", "mold.outer_width_mm", "mold.outer_diameter_mm")
@@ -255,9 +256,13 @@ class Costs:
         return len(set(lit)) * self.trial_s + (len(lit) - len(set(lit))) * KNOWN_S
 
 
-def _light_of(one: Tried) -> tuple[tuple[str, Value], ...]:
+def _light_of(one: Tried) -> Light:
+    return _light(one.parameters)
+
+
+def _light(parameters: Mapping[str, Value]) -> Light:
     """The values on which a design's light depends."""
-    return tuple(sorted((path, value) for path, value in one.parameters.items() if path != TARGET))
+    return tuple(sorted((path, value) for path, value in parameters.items() if path != TARGET))
 
 
 def _refined(again: Confirmation, findings: Findings, number: int, *, starts: int) -> list[dict[str, Value]]:
@@ -391,7 +396,8 @@ class Confirmation:
         self.overrated, self.most_mm = 0.0, math.inf
         self._differences = [0.0]
         self._overrates: list[tuple[Tried, float]] = []
-        self._lit, self._bounded, self._hoped = set[object](), set[object](), dict[object, float]()
+        self._lit, self._hoped = set[Light](), dict[Light, float]()
+        self._bounded = {_light(space.base_parameters() or {})}
         self._revised: dict[int, tuple[Tried, int]] = {}
         before = self.verdict(space.base)
         self._deciding_mm = _deciding_places(before)
@@ -484,11 +490,15 @@ class Confirmation:
     def alternatives(self, tried: Sequence[Tried]) -> tuple[Alternative, ...]:
         """The best scored design for every quantity to improve (such as "most depth"), all different.
 
-        Each kind has some candidates scored, and so has every change of one field alone; then all kinds in turn, until
-        the budget is used or no candidate is left.
+        Every change of one field alone is scored, then some candidates of each kind, then all kinds in turn, until the
+        budget is used or no candidate is left.
         """
         attempts = ATTEMPTS if self.accuracy == LOCATION else ROW_ATTEMPTS
         wanted = self.kinds[:1] if self.aim else self.kinds
+        reserve_s = self.costs.bounds_s + self.costs.tolerance_s
+        for single in self._single_changes(tried):
+            if self.spent_s < self.costs.budget_s - reserve_s:
+                self._add(single)
         for kind in (*wanted, None):
             for number in range(attempts):
                 one = self._next_of(kind, tried)
@@ -498,10 +508,6 @@ class Confirmation:
                 best = None if kind is None or kind in BOUND_AIMS else self.best(kind)
                 if best is not None and best.is_robust:
                     break
-        reserve_s = self.costs.bounds_s + self.costs.tolerance_s
-        for one in self._single_changes(tried):
-            if _light_of(one) not in self._lit and self.spent_s < self.costs.budget_s - reserve_s:
-                self._add(one)
         while self.spent_s < self.costs.budget_s - reserve_s:
             found = [one for kind in wanted if (one := self._next_of(kind, tried)) is not None]
             if not found and not self.best(KINDS[0]):
@@ -688,7 +694,7 @@ class Confirmation:
         for one in (self.pool[tried.digest] for tried in possible):
             is_known = _light_of(one.tried) in self._bounded
             is_over = self.spent_s > self.costs.budget_s and kind not in BOUND_AIMS
-            if is_known or (len(self._bounded) < MOST_BOUNDS and not is_over):
+            if is_known or (len(self._bounded) <= MOST_BOUNDS and not is_over):
                 self._with_bounds(one)
 
     def _with_bounds(self, one: Scored) -> Scored:
