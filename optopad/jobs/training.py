@@ -33,7 +33,6 @@ SHOWN = {
     "method": "solved",
     "fit_samples": "samples",
     "trees": "trees",
-    "epochs": "passes",
     "held_out_location_mm": "held-out location, median mm",
     "held_out_depth_mm": "depth, median mm",
     "touch_held_out_right": "touch, held out",

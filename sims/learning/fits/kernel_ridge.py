@@ -115,9 +115,9 @@ def touch_prepared(
 
 
 def begun(train: PressData, seed: int, settings: FitSettings, on_step: OnStep) -> Begun:
-    """Start the fit of trees or a network: check data, fit the tuned touch classifier, choose samples in contact."""
+    """Start the fit of trees: check data, fit the tuned touch classifier, choose samples in contact."""
     prepared = touch_prepared(train, fit_tuned_touch, seed=seed, settings=settings, on_step=on_step)
-    samples = press_samples(prepared.data, settings.network_samples, prepared.rng)
+    samples = press_samples(prepared.data, settings.tree_samples, prepared.rng)
     return Begun(
         data=prepared.data,
         rng=prepared.rng,
