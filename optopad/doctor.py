@@ -114,6 +114,7 @@ PACKAGES = (
     Package("scikit-learn", "sklearn", "1.6"),
     Package("scipy", "scipy", "1.14.1"),
     Package("sqlalchemy", "sqlalchemy", "2.0"),
+    Package("threadpoolctl", "threadpoolctl", "3.1"),
     Package("tomlkit", "tomlkit", "0.13"),
     Package("trimesh", "trimesh", "4.6"),
     Package("typer", "typer", "0.15"),

@@ -196,7 +196,7 @@ def train(
     ] = None,
     effort: Annotated[
         str,
-        typer.Option("--effort", metavar="NAME", help="Number of samples: quick, default, full, or whole."),
+        typer.Option("--effort", metavar="NAME", help="Number of samples: quick, default, or full."),
     ] = "default",
     topic: options.Topic = None,
     press_topic: options.PressTopic = None,

@@ -30,7 +30,6 @@ SIGNAL_MAP = "signal-map"
 SHOWN = {
     "gamma_times_median": "gamma x median distance",
     "lambda": "lambda",
-    "method": "solved",
     "fit_samples": "samples",
     "trees": "trees",
     "held_out_location_mm": "held-out location, median mm",
