@@ -120,16 +120,16 @@ def test_a_file_of_another_kind_is_named_with_what_is_needed(name: str, tmp_path
         "a Parquet file": b"PAR1\x15\x04\x15",
         "an MCAP log": b"\x89MCAP0\r\n\x01",
         "a MATLAB file (.mat)": b"MATLAB 5.0 MAT-file, Platform: GLNXA64".ljust(128) + b"\x00\x01",
-        "a Python pickle": b"\x80\x04\x95\x0b\x00\x00.",
+        "binary data of an unknown kind": b"\x80\x04\x95\x0b\x00\x00.",
+        "a gzip file": b"\x1f\x8b\x08\x00",
+        "an SQLite database (.db3)": b"SQLite format 3\x00",
         "a PNG picture": b"\x89PNG\r\n\x1a\n\x00",
-        "a netCDF file of the CDF-5 format": b"CDF\x05\x00\x00",
-        "a recording of `optopad driver record`": b'{"format": "optopad-recording"}\n\xb5\x6b\x00',
+        "a zip archive": b"PK\x03\x04\x14\x00",
         "an HDF5 or netCDF-4 file": hdf5(tmp_path),
     }
     read_by = {
         "data set": "an HDF5 or netCDF-4 file",
         "recording": "an HDF5 or netCDF-4 file",
-        "raw recording": "a recording of `optopad driver record`",
     }
     file = tmp_path / "given"
     for kind, content in kinds.items():

@@ -427,7 +427,7 @@ def test_a_file_without_a_part_is_refused_by_its_name(tmp_path: Path, gone: str)
 
 def test_what_is_no_netcdf_is_refused(tmp_path: Path) -> None:
     (tmp_path / "text.nc").write_text("depth,signal\n")
-    with pytest.raises(InputError, match=r"text\.nc: a CSV table; needs a data set in netCDF"):
+    with pytest.raises(InputError, match=r"text\.nc: a text; needs a data set in netCDF"):
         read_data(tmp_path / "text.nc")
     with pytest.raises(InputError, match="no such file"):
         read_data(tmp_path / "absent.nc")
