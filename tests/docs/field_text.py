@@ -42,7 +42,7 @@ QUANTITY = "Quantity"
 """Title of the table of a value with its source; the page describes its fields once, in its head."""
 
 MEANINGS = {
-    "schema_version": "version of the file format; `optopad migrate` converts older files",
+    "schema_version": "version of the file format",
     "name": "letters, digits, dot, dash and underscore; the bundle's folder begins with it",
     "description": "free text, one line",
     "mold.material": "catalogue entry of the printed material",
