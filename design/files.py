@@ -342,11 +342,11 @@ def _reason(existing: Path, err: OSError | ValueError) -> str:
 BYTES_FOR_KIND = 16_384
 """Bytes read from a file's start to detect its type; in an Excel workbook, they include the names of its sheets."""
 
-HDF5 = "an HDF5 or netCDF-4 file"
+HDF5, NETCDF3 = "an HDF5 or netCDF-4 file", "a netCDF-3 file"
 TEXT, EMPTY, UTF16 = "a text", "an empty file", "text in UTF-16"
 _STARTS = (
     (b"\x89HDF\r\n\x1a\n", HDF5),
-    (b"CDF", "a netCDF-3 file"),
+    (b"CDF", NETCDF3),
     (b"PAR1", "a Parquet file"),
     (b"\x89MCAP0\r\n", "an MCAP log"),
     (b"SQLite format 3\x00", "an SQLite database (.db3), as ROS 2 bags and searches are"),

@@ -32,8 +32,8 @@ from design.arrays import FloatArray
 from design.csv_table import CsvTable, plain_name, read_csv
 from design.errors import InputError
 from design.files import EMPTY, TEXT, kind_of_file
+from design.netcdf_file import read_netcdf, require_numbers
 from design.recordings import LOSSES, OFF, signals_of
-from sims.readings.data_writer import read_netcdf, require_numbers
 from sims.readings.dataset import AXES, full_scale_of, losses_note, off_last
 from sims.readings.label_checks import (
     HALF_COUNT,

@@ -278,7 +278,7 @@ def test_the_cost_of_a_score_grows_with_pairs_and_places():
 @pytest.mark.parametrize(
     ("flux", "told"),
     [
-        (np.full((2, 8, 8), b"x"), "needs numbers"),
+        (np.full((2, 8, 8), b"xy"), "needs numbers"),
         (np.zeros((2, 8, 5)), "needs (state, emitter, 8)"),
     ],
     ids=["another type", "another shape"],
