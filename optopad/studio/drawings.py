@@ -427,7 +427,6 @@ def _differences(live: FloatArray, simulated: FloatArray | None) -> FloatArray:
 
 
 def _pixels(live: FloatArray, simulated: FloatArray | None) -> str:
-    """The differences of all pairs as a PNG picture in a data URL, with one pixel per pair."""
     values = _differences(np.asarray(live, dtype=np.float64), simulated) * [1.0, 1.0, 1.0, 255.0]
     rows, columns, _ = values.shape
     pixels = np.zeros((rows, 1 + 4 * columns), dtype=np.uint8)  # each row begins with its filter: none

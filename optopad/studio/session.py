@@ -335,7 +335,6 @@ def _version(design: SensorDesign, words: str) -> Version:
 
 
 def _words(design: SensorDesign, wanted: dict[str, Any]) -> str:
-    """Description of the requested changes, for the history."""
     if "layout" in wanted:
         return "parts moved"
     document = design.model_dump(mode="json")
@@ -348,7 +347,6 @@ def _words(design: SensorDesign, wanted: dict[str, Any]) -> str:
 
 
 def _place_words(design: SensorDesign, name: str) -> str:
-    """Description of a component's position."""
     part = part_named(design, name)
     if part.angle_deg is not None:
         return f"{name}: at {part.angle_deg:g}°, {part.height_mm:g} mm high"
