@@ -9,7 +9,7 @@ tried scale with the data: γ times the median L1 distance between two training 
 own numbers depend on its units. The final fit uses samples of all presses. The mean of the targets is subtracted, so
 that far from every sample the estimate is the mean press, not the origin.
 
-`touch_prepared` and `begun` begin every fit: data check, touch classifier, choice of samples in contact.
+`touch_prepared` begins every fit: data check, touch classifier.
 
 The linear system
 -----------------
@@ -37,18 +37,16 @@ from threadpoolctl import threadpool_limits
 from design.arrays import FloatArray
 from design.errors import InputError
 from design.progress import OnShare, OnStep
-from sims.learning.fits.touch import fit_plain_touch, fit_tuned_touch
+from sims.learning.fits.touch import fit_plain_touch
 from sims.learning.inference.kernel_ridge import KernelRidgeModel
 from sims.learning.inference.touch_svm import TouchSvm
 from sims.learning.samples import (
-    PressSamples,
     TrainingData,
     counts_scaling,
     held_out,
     held_out_figures,
     mean_error_mm,
     prepared,
-    press_samples,
     spread_samples,
     trained_header,
 )
@@ -76,13 +74,6 @@ class ToldTouch:
     facts: dict[str, Any]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Begun(ToldTouch):
-    """State of a model's fit once samples in contact are chosen. Some are held out to scale the model's deviations."""
-
-    samples: PressSamples
-
-
 def touch_prepared(
     train: PressData, fit_touch: FitTouch, *, seed: int, settings: FitSettings, on_step: OnStep
 ) -> ToldTouch:
@@ -97,19 +88,6 @@ def touch_prepared(
     touch, facts = fit_touch(data, rng, 4 * settings.fit_samples)
     on_step("touch", 1.0)
     return ToldTouch(data=data, rng=rng, touch=touch, facts=facts)
-
-
-def begun(train: PressData, seed: int, settings: FitSettings, on_step: OnStep) -> Begun:
-    """Start the fit of trees: check data, fit the tuned touch classifier, choose samples in contact."""
-    prepared = touch_prepared(train, fit_tuned_touch, seed=seed, settings=settings, on_step=on_step)
-    samples = press_samples(prepared.data, settings.tree_samples, prepared.rng)
-    return Begun(
-        data=prepared.data,
-        rng=prepared.rng,
-        touch=prepared.touch,
-        facts=prepared.facts | {"fit_samples": len(samples)},
-        samples=samples,
-    )
 
 
 BLOCK_ROWS = 500
