@@ -47,7 +47,17 @@ HEAVY = (
 )
 
 ALLOWED = {
-    "design": {"pydantic", "pydantic_core", "numpy", "optuna", "sqlalchemy", "tomli", "tomlkit", "h5py", "xarray"},
+    "design": {
+        "pydantic",
+        "pydantic_core",
+        "numpy",
+        "optuna",
+        "sqlalchemy",
+        "tomli",
+        "tomlkit",
+        "h5py",
+        "xarray",
+    },
     "cad": {"cadquery", "OCP", "trimesh", "manifold3d", "numpy"},
     "sims": {
         "numpy",
