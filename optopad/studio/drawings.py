@@ -332,12 +332,6 @@ def _part(part: PlacedPart, x: Place, y: Place, *, is_bad: bool) -> str:
     )
 
 
-def nearest_place(pad: PadMap, press: LivePress) -> int:
-    """Index of the map's location that is nearest to a press."""
-    away = [(place.x_mm - press.x_mm) ** 2 + (place.y_mm - press.y_mm) ** 2 for place in pad.places]
-    return int(np.argmin(away))
-
-
 def readings_svg(
     emitters: Sequence[str],
     receivers: Sequence[str],

@@ -245,12 +245,6 @@ class Session:
                 self.pinned = (*self.pinned, self.now)[-4:]
                 self._say(f"pinned: {self.design.digest[:8]}")
 
-    def unpin(self, digest: str) -> None:
-        """Remove a pinned design."""
-        with self._lock:
-            self.pinned = tuple(one for one in self.pinned if one.design.digest != digest)
-            self._tell()
-
     def say(self, text: str, *, is_bad: bool = False) -> None:
         """Show a message to the user."""
         with self._lock:

@@ -115,7 +115,7 @@ def few_presses(design_file: Path, recording: Path) -> None:
     from design.io import load_design
     from design.press_protocol import protocol_from
     from sims.readings.dataset import save_data
-    from sims.readings.protocol import simulate_protocol
+    from sims.readings.protocol import draw, protocol_curves
 
     design = load_design(design_file)
     approach = [
@@ -127,7 +127,7 @@ def few_presses(design_file: Path, recording: Path) -> None:
         {"name": "nine", "approach": approach, "retract": "none", "curves": "coarse", "sets": [bench]},
         where="nine",
     )
-    data = simulate_protocol(design.with_(**{"emitters.height_mm": 5.1}), protocol)
+    data = draw(protocol_curves(design.with_(**{"emitters.height_mm": 5.1}), protocol), seed=0)
     save_data(replace(data, design_digest=design.digest), recording)
 
 
