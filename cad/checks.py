@@ -465,7 +465,6 @@ def with_slices(
 
 
 def _slicing(part: PartFile, one: Sliced) -> list[MoldCheck]:
-    """Comparisons of the slicer's volumes with the formula, and the slicer's own warnings."""
     ratio = one.extruded_mm3 / part.formula_mm3
     is_whole = EXTRUDED_LOW <= ratio <= EXTRUDED_HIGH
     return [

@@ -339,7 +339,6 @@ def crown_body(plan: Plan) -> cq.Solid:
 
 
 def _pin(hole: Hole) -> tuple[cq.Solid, cq.Solid]:
-    """Cylinder and chamfered end of a pin."""
     up, chamfer = cq.Vector(0, 0, 1), pin_chamfer_mm(hole)
     foot = cq.Vector(hole.x, hole.y, hole.z0)
     end = cq.Solid.makeCone(hole.radius - chamfer, hole.radius, chamfer, foot, up)

@@ -1,20 +1,17 @@
-"""Reading and writing design files, and their migration from older schema versions.
+"""Reading and writing design files.
 
 A design file is TOML in UTF-8. The key `catalog_files` lists files with the user's own parts and materials.
 `profile_csv` under `[indenter]` names a file with points of the tip's outline. `curve_csv` in a part's table names a
 digitised curve. The content of all these files becomes part of the design, so a saved design needs no other file.
 
 Files are written completely or not at all.
-
-A migration step is a function that converts the plain data of one schema version to the next one. It is registered
-under the version that it starts from. Version 1 is the first, so no step exists yet.
 """
 
 from __future__ import annotations
 
 import os
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -28,37 +25,6 @@ from design.parts.spectrum import CURVE_FILE, CURVES, with_curve
 from design.spec import SCHEMA_VERSION, SensorDesign
 from design.spec.indenter import read_profile
 from design.toml_text import explained, parsed_toml
-
-Document = dict[str, Any]
-Step = Callable[[Document], Document]
-STEPS: Mapping[int, Step] = {}
-
-
-def migrated(
-    document: Document, *, steps: Mapping[int, Step] = STEPS, target: int = SCHEMA_VERSION
-) -> Document:
-    """Migrate the plain data of a design file to the schema version `target` if their version is older.
-
-    Parameters
-    ----------
-    steps : migration steps, keyed by the version that each one starts from
-
-    Raises
-    ------
-    DesignError : the data have no version, or one that is newer than `target` or has no migration step.
-    """
-    version = document.get("schema_version")
-    if not isinstance(version, int) or isinstance(version, bool):
-        raise DesignError(f"schema_version: {version!r} is no version; it is a whole number from 1")
-    if version > target:
-        raise DesignError(f"schema_version: {version} is newer than {target}; update optopad")
-    while version < target:
-        if version not in steps:
-            raise DesignError(f"schema_version: there is no way from {version} to {version + 1}")
-        document = steps[version](document) | {"schema_version": version + 1}
-        version += 1
-    return document
-
 
 MAX_FILE_BYTES = 1_000_000
 NEEDED = (
@@ -121,7 +87,7 @@ def check_version(document: Mapping[str, Any], file: Path) -> None:
 
     Raises
     ------
-    DesignError : the version is missing, older (remedy: migrate the file) or newer (remedy: update optopad).
+    DesignError : the version is missing, no version, or newer (remedy: update optopad).
     """
     version = document.get("schema_version")
     if version is None:
@@ -135,8 +101,6 @@ def check_version(document: Mapping[str, Any], file: Path) -> None:
             f"{file}: schema_version: {version} is newer than {SCHEMA_VERSION}, "
             "the newest that this optopad reads; update optopad"
         )
-    if version < SCHEMA_VERSION:
-        raise DesignError(f"{file}: schema_version: {version} is older; run `optopad migrate {file}`")
 
 
 def write_text_atomically(file: Path, text: str) -> None:

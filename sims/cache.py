@@ -164,7 +164,6 @@ class LightStore:
 
     @contextlib.contextmanager
     def _opened(self) -> Iterator[sqlite3.Connection]:
-        """Open the file for one transaction."""
         with contextlib.closing(sqlite3.connect(self.path, timeout=PATIENCE_S)) as file, file:
             file.execute("PRAGMA synchronous = OFF")
             yield file

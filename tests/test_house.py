@@ -47,7 +47,17 @@ HEAVY = (
 )
 
 ALLOWED = {
-    "design": {"pydantic", "pydantic_core", "numpy", "optuna", "sqlalchemy", "tomli", "tomlkit", "h5py"},
+    "design": {
+        "pydantic",
+        "pydantic_core",
+        "numpy",
+        "optuna",
+        "sqlalchemy",
+        "tomli",
+        "tomlkit",
+        "h5py",
+        "xarray",
+    },
     "cad": {"cadquery", "OCP", "trimesh", "manifold3d", "numpy"},
     "sims": {
         "numpy",
@@ -65,7 +75,7 @@ ALLOWED = {
         "numpy",
         "scipy",
     },  # scipy lowers a profile to cubic pieces and draws Sobol points
-    "sims/learning": {"numpy", "scipy", "sklearn"},
+    "sims/learning": {"numpy", "scipy", "sklearn", "threadpoolctl"},
     "sims/learning/inference": {"numpy"},
     "fabrication": {"numpy", "pydantic", "tomlkit"},
     "fabrication/driver": {
@@ -83,7 +93,9 @@ ALLOWED = {
     },
     "fabrication/stage": {"numpy"},
     "optopad/studio/view": {"viser", "websockets", "msgspec", "numpy"},  # both are what viser speaks with
-    "optopad": {"distributed", "typer", "rich", "tomlkit", "numpy", "platformdirs", "xarray", "matplotlib"},
+    "optopad": {
+        *("distributed", "matplotlib", "numba", "numpy", "platformdirs", "rich", "tomlkit", "typer", "xarray")
+    },
 }
 """Third-party imports, the nearest folder deciding. OCP is CadQuery's core, pydantic_core is pydantic's."""
 

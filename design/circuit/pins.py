@@ -206,7 +206,6 @@ def select_pins(design: SensorDesign) -> tuple[int, ...]:
 
 
 def _spare_pins(design: SensorDesign) -> tuple[int, ...]:
-    """Digital pins that neither the emitters nor the SPI bus use."""
     board = board_of(design)
     used = switch_pins(design, board, len(cavity_of(design).emitters))
     return tuple(pin for pin in _open_pins(design, board) if pin not in used)
@@ -321,7 +320,6 @@ def _emitter_findings(design: SensorDesign, board: Board, emitter_count: int) ->
 
 
 def _bus_findings(design: SensorDesign, board: Board) -> list[Finding]:
-    """Errors if the design needs an SPI bus and the firmware cannot drive one on this board."""
     use = design.board
     fields = [
         *(["board.receivers.converter"] if converter_of(design) else []),
@@ -448,7 +446,6 @@ def _multiplexer_way(
 
 
 def _address_findings(design: SensorDesign, board: Board, emitter_count: int) -> list[Finding]:
-    """Errors about the multiplexers' supply voltage and about the pins of their address lines."""
     multiplexer, given = multiplexer_of(design), design.board.receivers
     if multiplexer is None or given is None:
         return []
@@ -462,7 +459,6 @@ def _address_findings(design: SensorDesign, board: Board, emitter_count: int) ->
 def _converter_findings(
     design: SensorDesign, board: Board, converter: Converter, emitter_count: int, receiver_count: int
 ) -> list[Finding]:
-    """Findings about the converters' supply, their chip-select pins, and settings of the board's own converter."""
     use, found = design.board, []
     if not converter.works_on(board):
         found.append(_supply_error("board.receivers.converter", converter, board))
@@ -776,7 +772,6 @@ def faster_boards(design: SensorDesign) -> list[tuple[str, float]]:
 
 
 def _fits_on(design: SensorDesign, name: str, board: Board) -> bool:
-    """Whether a board has the pins, inputs, voltage levels and reference that a design uses."""
     if design.board.reference == "internal" and board.internal_reference_v is None:
         return False
     cavity, use = cavity_of(design), design.board.model_copy(update={"kind": name})

@@ -318,7 +318,6 @@ def settling_findings(
 
 
 def _bias_findings(design: SensorDesign, feedbacks: Sequence[Feedback]) -> Iterator[Finding]:
-    """Warning if the amplifier takes more bias current than one count is."""
     ohms = [one.standard_ohm for one in feedbacks]
     entry = find_amplifier(entries_of(design), feedbacks[0].amplifier_id)
     count_pa = one_count_pa(design, max(ohms))

@@ -204,7 +204,6 @@ def circuit_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
 
 
 def _amplifier_findings(design: SensorDesign) -> Iterator[Finding]:
-    """Findings about an amplifier that does not suit supply and full scale, whatever its feedback is."""
     named = design.board.amplifier
     chosen = chosen_amplifier(design, None, design.board.settle_us)
     for one in chosen.shortfalls:
@@ -221,7 +220,6 @@ def _amplifier_findings(design: SensorDesign) -> Iterator[Finding]:
 
 
 def _transistor_findings(design: SensorDesign, placed: PlacedPart) -> Iterator[Finding]:
-    """Warning about a transistor that does not carry an emitter's current or bear its supply."""
     named, chosen = design.board.transistor, transistor_of(design, placed.part)
     for one in transistor_shortfalls(design, chosen.entry, placed.part):
         yield warning(
@@ -237,7 +235,6 @@ def _transistor_findings(design: SensorDesign, placed: PlacedPart) -> Iterator[F
 
 
 def _target_findings(design: SensorDesign) -> Iterator[Finding]:
-    """Warning about a target in counts that is too low for a converter with more bits than the board's own."""
     steps, target = 2 ** adc_bits(design), design.gain.target_counts
     converter, given = converter_of(design), design.gain.feedback_ohm
     if converter is None or not isinstance(given, str) or target >= LEAST_TARGET_SHARE * steps:
@@ -253,7 +250,6 @@ def _target_findings(design: SensorDesign) -> Iterator[Finding]:
 
 
 def _sink_findings(design: SensorDesign, board: Board, sink: CurrentSink) -> Iterator[Finding]:
-    """Findings about emitters at the constant current of LED drivers."""
     driver, supply_v, field = driver_of(design), board.emitter_v, "board.emitters.driver"
     assert driver is not None, "a design with a sink has a driver"
     if supply_v > driver.max_led_v:
@@ -312,7 +308,6 @@ def _sink_findings(design: SensorDesign, board: Board, sink: CurrentSink) -> Ite
 
 
 def _switch_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
-    """Findings about emitters that are each switched by a transistor."""
     for placed in {one.part_id: one for one in cavity_of(design).emitters}.values():
         switch = emitter_switch(placed.part, board)
         supply_v = board.emitter_v

@@ -308,7 +308,6 @@ def _area_of(part: PlacedPart, *, is_crowned: bool) -> Iterator[Finding]:
 
 
 def _off_chord_findings(cavity: CavityGeometry) -> Iterator[Finding]:
-    """Warning about facing pairs whose press is not on the straight line between emitter and receiver."""
     beside = []
     for e, r in facing_pairs(cavity):
         x, y = _chord_middle_mm(cavity.emitters[e], cavity.receivers[r])
@@ -328,7 +327,6 @@ def _off_chord_findings(cavity: CavityGeometry) -> Iterator[Finding]:
 
 
 def _middle_findings(cavity: CavityGeometry) -> Iterator[Finding]:
-    """Warning about a pad where no line from an emitter to a receiver passes near the middle."""
     pairs = [(int(e), int(r)) for e, r in np.argwhere(direct_path_pairs(cavity))]
     if not pairs or is_facing_rows(cavity):
         return

@@ -221,7 +221,6 @@ def _option_findings(design: SensorDesign, plan: Plan) -> Iterator[Finding]:
 
 
 def _outside_findings(design: SensorDesign, plan: Plan) -> Iterator[Finding]:
-    """Error about a round mold whose outer face is not concentric with the round wall of the pad."""
     along, across = (
         (outer - inner) / 2
         for outer, inner in (
@@ -293,7 +292,6 @@ def _press_findings(design: SensorDesign, plan: Plan) -> Iterator[Finding]:
 
 
 def _crowned_contact_findings(design: SensorDesign, plan: Plan) -> Iterator[Finding]:
-    """Findings that the contact model does not cover this tip, curvature, reach or rim of a crowned pad."""
     tip, bend = design.indenter.tip_radius_mm, plan.top.mean_curvature
     if design.indenter.shape != "hemisphere":
         yield outside_models(

@@ -436,7 +436,6 @@ def _is_in(field: SpaceField, value: Any) -> bool:
 
 
 def _is_same(base: SensorDesign, path: str, choice: Any) -> bool:
-    """Whether a choice for a field leaves the base design unchanged."""
     return base.with_(**{path: choice}).digest == base.digest
 
 

@@ -428,7 +428,6 @@ def is_facing_rows(cavity: CavityGeometry) -> bool:
 
 
 def _sit_opposite(cavity: CavityGeometry) -> bool:
-    """Whether all emitters are in one wall and all receivers in the opposite one."""
     emitter_walls = {part.wall for part in cavity.emitters}
     receiver_walls = {part.wall for part in cavity.receivers}
     opposite = {wall: other for wall, other in OPPOSITE.items() if emitter_walls == {wall}}

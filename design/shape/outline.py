@@ -505,7 +505,6 @@ def stadium(box_mm: Box, facets: Sequence[Line] = ()) -> Outline:
 
 
 def _left_of_half(half: Arc, facets: Sequence[Line]) -> list[Arc]:
-    """The pieces of a half circle between the facets that are cut into it."""
     left, done = [], 0.0
     for line in sorted(facets, key=half.turn_to):
         middle, cut = half.turn_to(line), math.asin(min(line.length_mm / 2 / half.radius_mm, 1.0))

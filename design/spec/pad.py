@@ -53,7 +53,6 @@ class Cavity(Model):
     @model_validator(mode="before")
     @classmethod
     def _size_of_its_outline(cls, given: Any) -> Any:
-        """Set a disc's length and width to its diameter."""
         if not isinstance(given, dict):
             return given
         if given.get("outline", "rectangle") != "disc":

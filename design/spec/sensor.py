@@ -556,9 +556,7 @@ class SensorDesign(Model):
 
     unsaid = ("tolerances", "crown")
 
-    schema_version: Annotated[
-        Literal[1], Field(description="version of the file format; `optopad migrate` converts older files")
-    ]
+    schema_version: Annotated[Literal[1], Field(description="version of the file format")]
     name: Annotated[
         FileName,
         Field(description="letters, digits, dot, dash and underscore; the bundle's folder begins with it"),

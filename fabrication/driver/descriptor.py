@@ -58,11 +58,6 @@ class Descriptor:
     units: dict[str, str]
     config_crc: int | None = None
 
-    @property
-    def wanted_rate_hz(self) -> float:
-        """The earlier name of `required_rate_hz` [Hz]."""
-        return self.required_rate_hz
-
 
 UNITS = {
     "counts": "ADC counts",

@@ -125,7 +125,6 @@ GROUPS: dict[str, dict[Verb, str]] = {
         design.new: "Write a commented design file to start from.",
         design.check: "List everything in a design that cannot work.",
         design.schema: "Print the JSON Schema of design files, for editors.",
-        design.migrate: "Convert a design file to the present schema version.",
         parts.parts: "List the catalogue: parts, silicones, plastics, boards.",
         parts.part: "Write the entry of a part from its data sheet.",
     },

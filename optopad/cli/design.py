@@ -1,4 +1,4 @@
-"""Commands for design files (new, check, schema, migrate), mold and tools (build), and editing in a browser
+"""Commands for design files (new, check, schema), mold and tools (build), and editing in a browser
 (studio)."""
 
 from __future__ import annotations
@@ -137,40 +137,6 @@ def schema(
     else:
         write_text_atomically(out, text)
         say(f'{out} written. In a design file: "#:schema {out}" as the first line')
-
-
-def migrate(
-    file: Annotated[Path, typer.Argument(metavar="DESIGN", help="Design file of an older schema version.")],
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out",
-            metavar="FILE",
-            help="File to write (.toml); default: next to it, -migrated.",
-            callback=options.file_name(".toml"),
-        ),
-    ] = None,
-    as_json: options.Json = False,
-) -> None:
-    """Convert a design file of an older schema version to the present one; newer versions are refused."""
-    import tomlkit
-
-    from design.io import check_version, migrated, read_toml, without_empty, write_text_atomically
-    from design.spec import SCHEMA_VERSION
-
-    document = read_toml(file)
-    version = document.get("schema_version")
-    if version == SCHEMA_VERSION:
-        read_design(str(file), None)
-        message, target = f"{file}: already schema version {SCHEMA_VERSION}; unchanged", file
-    else:
-        lifted = migrated(document)
-        check_version(lifted, file)
-        target = out or file.with_name(f"{file.stem}-migrated{file.suffix}")
-        options.checked_out(target, file)
-        write_text_atomically(target, tomlkit.dumps(without_empty(lifted)))
-        message = f"{target} written: schema version {version} converted to {SCHEMA_VERSION}"
-    tell(as_json, lambda: {"file": str(target), "from": version, "to": SCHEMA_VERSION}, lambda: [message])
 
 
 def build(

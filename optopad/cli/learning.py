@@ -65,7 +65,7 @@ def predict(
         typer.Option(
             "--learner",
             metavar="NAME",
-            help="kernel-ridge (the paper's), extra-trees, network, signal-map, or all.",
+            help="kernel-ridge (the paper's), extra-trees, signal-map, or all.",
         ),
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="A thinned protocol, for a first look.")] = False,
@@ -185,7 +185,7 @@ def train(
         typer.Option(
             "--learner",
             metavar="NAME",
-            help="kernel-ridge (the paper's), extra-trees, network, `all` of these; or signal-map.",
+            help="kernel-ridge (the paper's), extra-trees, `all` of these; or signal-map.",
         ),
     ] = "extra-trees",
     design: Annotated[
@@ -196,7 +196,7 @@ def train(
     ] = None,
     effort: Annotated[
         str,
-        typer.Option("--effort", metavar="NAME", help="Number of samples: quick, default, full, or whole."),
+        typer.Option("--effort", metavar="NAME", help="Number of samples: quick, default, or full."),
     ] = "default",
     topic: options.Topic = None,
     press_topic: options.PressTopic = None,

@@ -685,7 +685,6 @@ def export(
 
 
 def _tasks_of(recordings: list[Path], task: list[str] | None) -> list[str]:
-    """Task of each recording."""
     texts = task or ["touch"]
     if len(texts) not in (1, len(recordings)):
         raise InputError(
@@ -697,7 +696,6 @@ def _tasks_of(recordings: list[Path], task: list[str] | None) -> list[str]:
 def _require_one_result(
     recordings: list[Path], target: Path, lerobot: Path | None, out: Path | None, *, append: bool
 ) -> None:
-    """Refuse names of recordings and results that contradict each other."""
     if lerobot is not None and out is not None:
         raise InputError("--lerobot and --out: two results; give one")
     if append and lerobot is None:

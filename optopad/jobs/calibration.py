@@ -13,6 +13,7 @@ from design.arrays import FloatArray
 from design.errors import InputError
 from design.file_sets import written_together
 from design.io import save_design, write_text_atomically
+from design.netcdf_file import read_netcdf
 from design.progress import OnStep
 from design.spec import SensorDesign
 from fabrication.driver.recording.force_log import ForceLog, read_force_log
@@ -27,7 +28,6 @@ from sims.learning.inference.model_file import save_model
 from sims.learning.inference.signal_map import SignalMapModel
 from sims.learning.map_learner import fit_signal_map, map_header, mapped
 from sims.learning.press_force import TipPath
-from sims.readings.data_writer import read_netcdf
 from sims.readings.dataset import read_data, require_design
 from sims.readings.press_data import PressData, data_notes
 

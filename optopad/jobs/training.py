@@ -30,10 +30,8 @@ SIGNAL_MAP = "signal-map"
 SHOWN = {
     "gamma_times_median": "gamma x median distance",
     "lambda": "lambda",
-    "method": "solved",
     "fit_samples": "samples",
     "trees": "trees",
-    "epochs": "passes",
     "held_out_location_mm": "held-out location, median mm",
     "held_out_depth_mm": "depth, median mm",
     "touch_held_out_right": "touch, held out",

@@ -80,7 +80,6 @@ def _base_digest(search: Search) -> str:
 
 
 def _gains(search: Search) -> list[str]:
-    """Text with the best value of each objective, compared with the base design's."""
     found, parts = search.findings, []
     for objective in found.space.objectives:
         values = [float(one.judged.figures[objective.figure] or 0.0) for one in found.front]

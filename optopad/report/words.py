@@ -282,8 +282,6 @@ def _plain(text: str) -> str:
 
 
 Tile = tuple[str, str, str]
-MICROMETRES_BELOW_MM = 0.1
-"""Limit below which the headline gives bounds in micrometres [mm]."""
 ORIGINS = {"open value": "unmeasured parameter"}
 """Names that the table uses for the origins of tolerances."""
 MOST_NAMED = 3
@@ -550,12 +548,6 @@ def losses_table(score: ContinuityScore) -> Html:
         class_="sheet",
         open="",
     )
-
-
-def _both(place_mm: float, depth_mm: float) -> str:
-    if max(place_mm, depth_mm) < MICROMETRES_BELOW_MM:
-        return f"{1000 * place_mm:.2g}, {1000 * depth_mm:.2g} \N{MICRO SIGN}m"
-    return f"{_number(place_mm)}, {_number(depth_mm)} mm"
 
 
 def _span(figure: BoundFigure) -> str:

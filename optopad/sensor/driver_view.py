@@ -325,7 +325,6 @@ def live_table(frame: Frame, sensor: driver.Sensor, size: tuple[int, int]) -> Re
 def _numbers(
     frame: Frame, ratio: FloatArray, emitters: tuple[str, ...], receivers: tuple[str, ...]
 ) -> RenderableType:
-    """Table with one line per emitter, one column per receiver, and the dark readings."""
     from rich.table import Table
     from rich.text import Text
 
@@ -398,7 +397,6 @@ def _style(change: float) -> str:
 
 
 def _mixed(change: float) -> str:
-    """Colour of a change, mixed from the colours of no change and of full change."""
     share = min(abs(change) / FULL_CHANGE, 1.0)
     red, green, blue = (round(30 + (part - 30) * share) for part in (LESS if change < 0 else MORE))
     return f"rgb({red},{green},{blue})"

@@ -64,7 +64,6 @@ def comments_of(text: str) -> tuple[str, ...]:
 
 
 def _with_comments(text: str, former: str) -> str:
-    """The text, followed by the comments of an earlier text that are missing from it."""
     gone = Counter(comments_of(former)) - Counter(
         one for comment in comments_of(text) for one in _nested(comment)
     )
@@ -209,7 +208,6 @@ def _comment_lines(table: Table) -> list[str]:
 
 
 def _put_first(table: Table, lines: list[str]) -> None:
-    """Put comments before a table's own lines."""
     own = dict(table.items())
     for key in own:
         table.remove(key)
@@ -221,7 +219,6 @@ def _put_first(table: Table, lines: list[str]) -> None:
 
 
 def _inline_entries(new: list[dict[str, Any]]) -> Array:
-    """A layout as an array in brackets, one entry per line."""
     found = tomlkit.array()
     for one in new:
         entry = tomlkit.inline_table()
@@ -392,7 +389,6 @@ def _write_checked(file: Path, texts: Iterator[str], design: SensorDesign) -> st
 
 
 def _is_read_as(file: Path, text: str, design: SensorDesign) -> bool:
-    """Write a text to a file and check whether reading it gives the design."""
     with file.open("w", encoding="utf-8", newline="") as stream:
         stream.write(text)
     try:

@@ -332,12 +332,6 @@ def _part(part: PlacedPart, x: Place, y: Place, *, is_bad: bool) -> str:
     )
 
 
-def nearest_place(pad: PadMap, press: LivePress) -> int:
-    """Index of the map's location that is nearest to a press."""
-    away = [(place.x_mm - press.x_mm) ** 2 + (place.y_mm - press.y_mm) ** 2 for place in pad.places]
-    return int(np.argmin(away))
-
-
 def readings_svg(
     emitters: Sequence[str],
     receivers: Sequence[str],
@@ -427,7 +421,6 @@ def _differences(live: FloatArray, simulated: FloatArray | None) -> FloatArray:
 
 
 def _pixels(live: FloatArray, simulated: FloatArray | None) -> str:
-    """The differences of all pairs as a PNG picture in a data URL, with one pixel per pair."""
     values = _differences(np.asarray(live, dtype=np.float64), simulated) * [1.0, 1.0, 1.0, 255.0]
     rows, columns, _ = values.shape
     pixels = np.zeros((rows, 1 + 4 * columns), dtype=np.uint8)  # each row begins with its filter: none

@@ -348,7 +348,6 @@ def _along(at: str, name: str, label: str, value: float, tells: str) -> Editable
 def _number(
     path: str, label: str, unit: str, value: float, limits: tuple[float, float], step: float, tells: str
 ) -> EditableField:
-    """An editable field of the layout for a number between two limits."""
     return EditableField(
         path=path,
         group="Layout",

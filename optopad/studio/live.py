@@ -409,7 +409,6 @@ class LiveSensor:
             self._view = self._snapshot(sensor, frame, touch)
 
     def _begin_anew(self) -> None:
-        """Discard the measurements of the untouched pad; they are then made again."""
         self._connection, self._start, self._reader = None, [], None
         self._is_settled = self._is_to_check = False
 

@@ -245,12 +245,6 @@ class Session:
                 self.pinned = (*self.pinned, self.now)[-4:]
                 self._say(f"pinned: {self.design.digest[:8]}")
 
-    def unpin(self, digest: str) -> None:
-        """Remove a pinned design."""
-        with self._lock:
-            self.pinned = tuple(one for one in self.pinned if one.design.digest != digest)
-            self._tell()
-
     def say(self, text: str, *, is_bad: bool = False) -> None:
         """Show a message to the user."""
         with self._lock:
@@ -335,7 +329,6 @@ def _version(design: SensorDesign, words: str) -> Version:
 
 
 def _words(design: SensorDesign, wanted: dict[str, Any]) -> str:
-    """Description of the requested changes, for the history."""
     if "layout" in wanted:
         return "parts moved"
     document = design.model_dump(mode="json")
@@ -348,7 +341,6 @@ def _words(design: SensorDesign, wanted: dict[str, Any]) -> str:
 
 
 def _place_words(design: SensorDesign, name: str) -> str:
-    """Description of a component's position."""
     part = part_named(design, name)
     if part.angle_deg is not None:
         return f"{name}: at {part.angle_deg:g}°, {part.height_mm:g} mm high"

@@ -128,7 +128,6 @@ class Workshop:
                     continue
 
     def _rest(self) -> None:
-        """Wait for another request."""
         self._under_way = ""
         self._post(Progress(stage="", share=1.0))
         with self._changed:

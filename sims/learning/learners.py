@@ -7,7 +7,6 @@ from typing import Protocol
 from design.progress import OnStep
 from sims.learning.fits.extra_trees import fit_extra_trees
 from sims.learning.fits.kernel_ridge import fit_kernel_ridge
-from sims.learning.fits.network import fit_network
 from sims.learning.inference.touch_model import TouchModel
 from sims.learning.settings import FitSettings
 from sims.readings.dataset import PressData
@@ -23,9 +22,5 @@ class Learner(Protocol):
         ...
 
 
-LEARNERS: dict[str, Learner] = {
-    "kernel-ridge": fit_kernel_ridge,
-    "extra-trees": fit_extra_trees,
-    "network": fit_network,
-}
+LEARNERS: dict[str, Learner] = {"kernel-ridge": fit_kernel_ridge, "extra-trees": fit_extra_trees}
 """Training functions by name. The name is also stored as the trained model's `kind`."""

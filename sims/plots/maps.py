@@ -294,7 +294,6 @@ def _cell(x: FloatArray, y: FloatArray, row: int, column: int, **look: Any) -> R
 
 
 def _number(value: float) -> str:
-    """A number with two significant digits."""
     return f"{value:.0f}" if value == 0.0 or value >= 9.95 else f"{value:.2g}"
 
 

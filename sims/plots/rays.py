@@ -290,7 +290,6 @@ def _draw_tip(ax: Axes, design: SensorDesign, cut: Cut, frame: PressFrame, depth
 
 
 def _draw_paths(ax: Axes, state: RayState, projected: Any) -> None:
-    """Draw paths and marks of every kind of light, with lost light below the others."""
     _draw_kind(ax, LOST, state.lost, projected, zorder=2.0)
     for kind, paths in paths_by_kind(state.paths):
         _draw_kind(ax, kind, paths, projected, zorder=2.2)
@@ -371,7 +370,6 @@ def percent(share: float) -> str:
 
 
 def _shown_parts(state: RayState, cavity: CavityGeometry) -> set[str]:
-    """Names of the emitters at which drawn paths begin, and of the receivers that they reach."""
     paths = (*state.paths, *state.lost)
     return {cavity.emitters[path.emitter].name for path in paths} | {
         cavity.receivers[path.receiver].name for path in state.paths

@@ -8,10 +8,6 @@ Each record is flushed to the disk before the next. The writer locks the journal
 record half-written, its length or its check sum is wrong. Such a record and all later ones are cut off, and writing
 continues after the last whole press. HDF5 itself has no such guarantee: if a program is killed while it writes a file,
 that file may never open again.
-
-netCDF files are checked on reading. Sizes are checked before any data are loaded, and all damage becomes an
-`InputError` that names the file. This needs care, because the HDF5 library reads metadata only when they are needed.
-Damage may then cause errors of many types; `design.hdf5_limits` keeps damaged sizes from taking memory.
 """
 
 from __future__ import annotations
@@ -22,8 +18,7 @@ import json
 import os
 import struct
 import zlib
-from collections.abc import Iterator, Sequence
-from contextlib import nullcontext
+from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 from types import TracebackType
@@ -33,103 +28,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.errors import InputError
-from design.files import kind_of_file, made_folder, require_file, unwritable, whole_file
-from design.hdf5_limits import limited_hdf5
+from design.files import made_folder, unwritable, whole_file
 from design.recordings import sets_json
 from sims.readings.press_data import PressData
 
 if TYPE_CHECKING:
-    import xarray as xr
-
-ENGINES: dict[str, dict[str, Any]] = {
-    "an HDF5 or netCDF-4 file": {"engine": "h5netcdf", "phony_dims": "access"},
-    "a netCDF-3 file": {"engine": "scipy"},
-}
-"""Options of `xarray.open_dataset` by file format, which is named as in messages."""
-MOST_BYTES = 8_000_000_000
-"""Largest accepted size of all unpacked arrays [bytes]: twice the largest file, as 2-byte counts become 4 bytes."""
-MOST_RATIO = 200
-"""Largest accepted ratio of unpacked size to file size: packing divides measured counts by 5, constant ones by 1000."""
-FREE_BYTES = 500_000_000
-"""Unpacked size below which any ratio is accepted [bytes]."""
-
-
-def read_netcdf(file: Path, *, needed: str, most_bytes: int, **options: Any) -> xr.Dataset:
-    """The content of a netCDF-4 or netCDF-3 file, in memory; texts are `str` without blanks at the end.
-
-    Parameters
-    ----------
-    needed : for error messages: what file is needed, and the command that makes it
-    most_bytes : unpacked size above which the file is refused before it is read [bytes]
-    options : options for `xarray.open_dataset`
-
-    Raises
-    ------
-    InputError : the file is missing, in another format, damaged, or too large; the message names it.
-    """
-    import xarray as xr
-
-    require_file(file, needed=needed)
-    if (size := file.stat().st_size) > most_bytes:
-        raise InputError(f"{file}: {size / 1e6:.0f} MB, reads at most {most_bytes / 1e6:.0f} MB; cut it")
-    engine = ENGINES.get(kind := kind_of_file(file))
-    if engine is None:
-        raise InputError(f"{file}: {kind}; needs {needed}")
-    try:
-        most = min(MOST_BYTES, max(FREE_BYTES, MOST_RATIO * size))
-        is_hdf5 = engine["engine"] == "h5netcdf"
-        with (
-            limited_hdf5(file, most_bytes=most) if is_hdf5 else nullcontext(file) as source,
-            xr.open_dataset(source, **engine, **options) as dataset,
-        ):
-            if dataset.nbytes > most:
-                raise ValueError(f"holds {dataset.nbytes:.3g} bytes, reads at most {most:.3g}")
-            found = dataset.load()
-    except Exception as err:  # catch every type of error: see the module docstring
-        said = str(err) or type(err).__name__
-        raise InputError(f"{file}: {kind} that cannot be read: {said}; needs {needed}") from None
-    return found.assign({name: _text_of(one) for name, one in found.variables.items() if _is_text(one)})
-
-
-def _is_text(array: xr.Variable) -> bool:
-    return array.dtype.kind in "SU" or (
-        array.dtype.kind == "O" and all(isinstance(one, str | bytes) for one in array.values.ravel())
-    )
-
-
-def _text_of(array: xr.Variable) -> xr.Variable:
-    """Texts as `str`, however a program stored them: as bytes, as arrays of characters, or filled up with blanks."""
-    import xarray as xr
-
-    values, axes = array.values, array.dims
-    if (
-        values.ndim > 1
-        and values.dtype.kind in "SU"
-        and values.dtype.itemsize == np.dtype(f"{values.dtype.kind}1").itemsize
-    ):
-        values, axes = (
-            np.ascontiguousarray(values).view(f"{values.dtype.kind}{values.shape[-1]}")[..., 0],
-            axes[:-1],
-        )
-    texts = [one.decode("utf-8", "replace") if isinstance(one, bytes) else str(one) for one in values.ravel()]
-    plain = np.array([text.rstrip(" \0") for text in texts], dtype=str).reshape(values.shape)
-    return xr.Variable(axes, plain, array.attrs)
-
-
-def require_numbers(found: xr.Dataset, file: Path, names: Sequence[str], axes: tuple[str, ...]) -> None:
-    """Check that arrays are numeric, and that their dimensions are `axes` in any order.
-
-    Raises
-    ------
-    InputError : an array fails the check; the message names the first one that does.
-    """
-    for name in names:
-        array = found[name]
-        if sorted(map(str, array.dims)) != sorted(axes):
-            raise InputError(f"{file}: {name} has the dimensions {array.dims}, needs {axes}")
-        if array.dtype.kind not in "fiu":
-            raise InputError(f"{file}: {name} is of the type {array.dtype}, needs numbers")
-
+    pass
 
 RECORD = struct.Struct("<II")
 CHUNK_SAMPLES = 2048

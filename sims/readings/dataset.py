@@ -27,9 +27,10 @@ from numpy.typing import NDArray
 
 from design.arrays import FloatArray, IntArray
 from design.errors import InputError
+from design.netcdf_file import read_netcdf, require_numbers
 from design.recordings import LOSSES, OFF, UNNAMED, SetEntry
 from sims.press import SAME_PLACE_MM
-from sims.readings.data_writer import DataWriter, header_of, read_netcdf, require_numbers, save_data
+from sims.readings.data_writer import DataWriter, header_of, save_data
 from sims.readings.label_checks import (
     HALF_COUNT,
     LENGTHS_MM,

@@ -17,7 +17,7 @@ pad, 73 depths, a median pair of 300 counts). With the knots below, makima, pchi
 light traced at "standard" accuracy by 0.35 counts rms, and by 0.16 to 0.18 at depths of less than 1 mm. From "draft"
 accuracy they differ by 0.46, half of which is numerical error of the light. Makima overshoots less near a kink than the
 spline and bends less at knots than pchip. The largest errors, 15 counts, are at kinks beyond 2 mm, where the tip enters
-or leaves a direct light path. `interpolation_error` measures the error for any design.
+or leaves a direct light path.
 
 At depth 0 or less the pad is not touched. Beyond the last knot the curve continues with its last slope, for at most
 `BEYOND_MM`, because an error of the reference depth makes some presses deeper than the design's deepest.
@@ -424,52 +424,3 @@ def traced_curves(
     light = trace(design, states, accuracy=accuracy, seed=seed, on_step=on_step)
     flux = light.flux.reshape(len(places), len(knots), *light.flux.shape[1:])
     return PressCurves(places_mm=places, depth_mm=knots, flux=flux)
-
-
-@dataclass(frozen=True, kw_only=True)
-class InterpolationError:
-    """Difference between interpolated and traced flux, at depths halfway between the knots.
-
-    Attributes
-    ----------
-    depth_mm : (between,) depths halfway between the knots [mm]
-    flux : (place, between, emitter, receiver) interpolated minus traced share of the emitted power, both including the
-        numerical error of the light [-]
-    """
-
-    depth_mm: FloatArray
-    flux: FloatArray
-
-    def rms_counts(self, gains: FloatArray) -> float:
-        """Root mean square difference [counts]; `gains` (emitter, receiver) are in counts per flux."""
-        return float(np.sqrt(((self.flux * gains) ** 2).mean()))
-
-    def worst_counts(self, gains: FloatArray) -> float:
-        """Largest absolute difference [counts]; `gains` (emitter, receiver) are in counts per flux."""
-        return float(np.abs(self.flux * gains).max())
-
-
-def interpolation_error(
-    design: SensorDesign,
-    places_mm: FloatArray,
-    *,
-    accuracy: str = "draft",
-    checked_with: str = "draft",
-    seed: int = 0,
-) -> InterpolationError:
-    """Trace curves at some locations, and compare them with light traced halfway between their depths.
-
-    Parameters
-    ----------
-    accuracy, checked_with : accuracy settings of the curves, and of the light halfway between their depths
-    """
-    curves = traced_curves(design, places_mm, accuracy=accuracy, seed=seed)
-    between = (curves.depth_mm[1:] + curves.depth_mm[:-1]) / 2
-    truth = traced_curves(
-        design, places_mm, depth_mm=np.concatenate([[0.0], between]), accuracy=checked_with, seed=seed
-    )
-    number = np.repeat(np.arange(len(curves.places_mm)), len(between))
-    found = curves.at(number, np.tile(between, len(curves.places_mm)))
-    return InterpolationError(
-        depth_mm=between, flux=found.reshape(truth.flux[:, 1:].shape) - truth.flux[:, 1:]
-    )

@@ -168,31 +168,6 @@ def drawn_presses(
                 yield drawn.press(k, header)
 
 
-def simulate_protocol(
-    design: SensorDesign,
-    protocol: PressProtocol,
-    *,
-    seed: int = 0,
-    accuracy: str | Accuracy = "draft",
-    is_coarse: bool | None = None,
-    on_step: OnStep | None = None,
-) -> PressData:
-    """Trace a protocol's light and draw its data in one call.
-
-    Parameters
-    ----------
-    seed : seed of the drawn data. The seed of the light is always 0, so that data drawn with different seeds have the
-        same light
-    accuracy, is_coarse, on_step : see `protocol_curves`
-
-    Raises
-    ------
-    ModelScopeError : see `protocol_curves`.
-    """
-    curves = protocol_curves(design, protocol, accuracy=accuracy, is_coarse=is_coarse, on_step=on_step)
-    return draw(curves, seed=seed, on_step=on_step)
-
-
 def data_header(curves: ProtocolCurves, chain: SignalChain, seed: int) -> PressData:
     """Data without samples, with all information that samples share: names, sets, digest, protocol, signal chain."""
     cavity = cavity_of(curves.design)

@@ -31,9 +31,9 @@ import numpy as np
 from design.arrays import FloatArray
 from design.csv_table import CsvTable, plain_name, read_csv
 from design.errors import InputError
-from design.files import TEXT_KINDS, kind_of_file
+from design.files import EMPTY, TEXT, kind_of_file
+from design.netcdf_file import read_netcdf, require_numbers
 from design.recordings import LOSSES, OFF, signals_of
-from sims.readings.data_writer import read_netcdf, require_numbers
 from sims.readings.dataset import AXES, full_scale_of, losses_note, off_last
 from sims.readings.label_checks import (
     HALF_COUNT,
@@ -96,7 +96,7 @@ def read_recording(file: Path, design: SensorDesign | None = None) -> Recording:
     InputError : the file is missing or has another format, columns are missing, readings are not numbers, units are
         unknown, or presses contradict the pad or the signals.
     """
-    found = _read_csv(file) if kind_of_file(file) in TEXT_KINDS else _read_netcdf(file)
+    found = _read_csv(file) if kind_of_file(file) in (TEXT, EMPTY) else _read_netcdf(file)
     places = {} if found.place_mm is None else {"x": found.place_mm[:, 0], "y": found.place_mm[:, 1]}
     require_finite({"depth": found.depth_mm, **found.counts, **places}, where=str(file), row="reading")
     signals = np.stack(list(found.counts.values()), axis=1)

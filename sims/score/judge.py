@@ -573,7 +573,6 @@ class Judge:
         )
 
     def _detection(self) -> DetectionThreshold:
-        """The detection threshold at the map's locations, computed from the light of the map."""
         pad_map, light = self.pad_map, self.pad_signals
         depth_mm = light.presses[: len(light.presses) // len(pad_map.places), 2]
         flux, error = (
@@ -726,7 +725,6 @@ def _pairs_near(cavity: CavityGeometry, places_mm: FloatArray, tips: float) -> B
 
 
 def _is_further(cavity: CavityGeometry, places_mm: FloatArray, place_mm: tuple[float, float]) -> bool:
-    """Whether a location is in this design's workspace and is not yet in the map."""
     return (
         bool(cavity.workspace.contains(*place_mm, 0.0))
         and not (np.abs(places_mm - place_mm).max(axis=1) < 1e-9).any()

@@ -46,15 +46,9 @@ def test_a_frame_by_kernel_ridge_of_10_000_samples(benchmark, bench_size, presse
     assert not bench_size.is_timed or benchmark.stats["median"] < LIMIT_S
 
 
-@pytest.mark.parametrize("name", ["extra-trees", "network"])
-def test_a_frame_by_the_better_learners(benchmark, bench_size, name, pressed, frames):
-    settings = replace(
-        bench_size.of(DEFAULT, QUICK),
-        network_samples=bench_size.of(5_000, 500),
-        search_samples=bench_size.of(500, 200),
-        epochs=2,
-    )
-    model, rows = LEARNERS[name](pressed, settings=settings), iter(np.tile(frames, (2_000, 1)))
+def test_a_frame_by_the_trees(benchmark, bench_size, pressed, frames):
+    settings = replace(bench_size.of(DEFAULT, QUICK), tree_samples=bench_size.of(5_000, 500))
+    model, rows = LEARNERS["extra-trees"](pressed, settings=settings), iter(np.tile(frames, (2_000, 1)))
     told = benchmark.pedantic(lambda: model.predict(next(rows)[None]), rounds=300, warmup_rounds=20)
     assert np.isfinite(told.sigma_mm).all()
 

@@ -19,7 +19,6 @@ from design.io import (
     dump_design,
     file_schema,
     load_design,
-    migrated,
     save_design,
     without_empty,
     write_text_atomically,
@@ -219,36 +218,6 @@ def test_only_nothing_and_empty_tables_are_left_out() -> None:
         "i": [{"j": None}],
     }
     assert without_empty(given_data) == {"e": 0, "f": "", "g": [], "h": False, "i": [{}]}
-
-
-def test_an_older_version_is_lifted_step_by_step() -> None:
-    steps = {1: lambda old: old | {"b": old["a"]}, 2: lambda old: old | {"c": old["b"]}}
-    assert migrated({"schema_version": 1, "a": 7}, steps=steps, target=3) == {
-        "schema_version": 3,
-        "a": 7,
-        "b": 7,
-        "c": 7,
-    }
-
-
-def test_the_present_version_needs_no_step() -> None:
-    document = {"schema_version": 1, "a": 7}
-    assert migrated(document) == document
-
-
-@pytest.mark.parametrize(
-    ("document", "words"),
-    [
-        ({}, "None is no version"),
-        ({"schema_version": True}, "True is no version"),
-        ({"schema_version": "1"}, "'1' is no version"),
-        ({"schema_version": 2}, "2 is newer than 1"),
-        ({"schema_version": 0}, "no way from 0 to 1"),
-    ],
-)
-def test_what_cannot_be_lifted_is_refused(document: dict[str, object], words: str) -> None:
-    with pytest.raises(DesignError, match=words):
-        migrated(document)
 
 
 def test_a_tips_points_are_read_from_a_file_beside_the_design_and_saved_inside_it(tmp_path: Path) -> None:

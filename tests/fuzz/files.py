@@ -132,7 +132,6 @@ def _with_model(file: Path) -> list[str]:
 READERS: dict[str, tuple[Read, Verb]] = {
     "kernel-ridge.optomodel": (_model, _with_model),
     "extra-trees.optomodel": (_model, lambda file: ["driver", "read", PAD, "--model", str(file)]),
-    "network.optomodel": (_model, _with_model),
     "signal-map.optomodel": (_model, _with_model),
     "data.nc": (_data, lambda file: ["train", str(file), "--design", PAD, "--out", str(file.parent)]),
     "recording.nc": (_recorded, lambda file: ["compare", PAD, str(file), "--out", str(file.parent)]),

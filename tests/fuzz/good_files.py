@@ -15,7 +15,6 @@ from fabrication.driver_config import dump_driver_config
 from sims.learning.inference.extra_trees import ExtraTreesModel, Forest
 from sims.learning.inference.feature_scaling import FeatureScaling
 from sims.learning.inference.model_file import save_model
-from sims.learning.inference.network import Network, NetworkModel
 from sims.learning.inference.sigma_table import UNIT_SIGMA
 from sims.readings.dataset import save_data
 from tests.fabrication.driver.made_up_pad import pad_config, untouched
@@ -66,22 +65,10 @@ def _write_models(folder: Path) -> None:
         other=np.array([2, 0, 1, 5, 2, 3], np.int32),
         leaf_mm=chance.uniform(1.0, 5.0, (4, 3)).astype(np.float32),
     )
-    network = Network(
-        weights=(
-            chance.normal(size=(PAIRS, 4)).astype(np.float32),
-            chance.normal(size=(4, 3)).astype(np.float32),
-        ),
-        biases=(np.zeros(4, np.float32), np.zeros(3, np.float32)),
-        activation="relu",
-    )
-    spread = {"mean_mm": np.array([16.0, 16.0, 2.0]), "scale_mm": np.ones(3)}
     models = {
         "kernel-ridge": made_up_kernel_ridge(),
         "signal-map": made_up_map_model(),
         "extra-trees": ExtraTreesModel(header=made_up_header(kind="extra-trees"), forest=forest, **shared),
-        "network": NetworkModel(
-            header=made_up_header(kind="network"), networks=(network, network), **spread, **shared
-        ),
     }
     for name, model in models.items():
         save_model(folder / f"{name}.optomodel", model)

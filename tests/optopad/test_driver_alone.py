@@ -18,7 +18,6 @@ from design.preset import preset
 from fabrication.driver_config import dump_driver_config
 from sims.learning.inference.extra_trees import ExtraTreesModel, Forest
 from sims.learning.inference.model_file import KINDS, save_model
-from sims.learning.inference.network import Network, NetworkModel
 from sims.learning.inference.sigma_table import UNIT_SIGMA
 from tests.fabrication.driver.made_up_model import header, made_up_model, readings
 from tests.fabrication.driver.made_up_pad import NAME, untouched
@@ -46,11 +45,8 @@ def run(command: list[Any], folder: Path, **variables: str) -> subprocess.Comple
 
 def models() -> dict[str, Any]:
     """One model of each kind, made up."""
-    chance, ridge = np.random.default_rng(2), made_up_model()
-    pairs = len(ridge.header.untouched_counts)
+    ridge = made_up_model()
     common: dict[str, Any] = {"touch": ridge.touch, "scaling": ridge.scaling, "sigma": UNIT_SIGMA}
-    layers = [chance.normal(size=shape).astype(np.float32) / 9 for shape in ((pairs, 4), (4, 3))]
-    network = Network(weights=tuple(layers), biases=(np.zeros(4, "f4"), np.zeros(3, "f4")), activation="tanh")
     forest = Forest(
         roots=np.zeros(1, np.int32),
         feature=np.array([9, -1, -1], np.int16),
@@ -60,13 +56,6 @@ def models() -> dict[str, Any]:
     )
     return {
         "kernel-ridge": ridge,
-        "network": NetworkModel(
-            header=header(kind="network"),
-            networks=(network,),
-            mean_mm=np.ones(3),
-            scale_mm=np.ones(3),
-            **common,
-        ),
         "extra-trees": ExtraTreesModel(header=header(kind="extra-trees"), forest=forest, **common),
         "signal-map": made_up_map_model(),
     }

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import h5py
-import numpy as np
 import pytest
 import xarray as xr
 
@@ -120,16 +119,16 @@ def test_a_file_of_another_kind_is_named_with_what_is_needed(name: str, tmp_path
         "a Parquet file": b"PAR1\x15\x04\x15",
         "an MCAP log": b"\x89MCAP0\r\n\x01",
         "a MATLAB file (.mat)": b"MATLAB 5.0 MAT-file, Platform: GLNXA64".ljust(128) + b"\x00\x01",
-        "a Python pickle": b"\x80\x04\x95\x0b\x00\x00.",
+        "binary data of an unknown kind": b"\x80\x04\x95\x0b\x00\x00.",
+        "a gzip file": b"\x1f\x8b\x08\x00",
+        "an SQLite database (.db3)": b"SQLite format 3\x00",
         "a PNG picture": b"\x89PNG\r\n\x1a\n\x00",
-        "a netCDF file of the CDF-5 format": b"CDF\x05\x00\x00",
-        "a recording of `optopad driver record`": b'{"format": "optopad-recording"}\n\xb5\x6b\x00',
+        "a zip archive": b"PK\x03\x04\x14\x00",
         "an HDF5 or netCDF-4 file": hdf5(tmp_path),
     }
     read_by = {
         "data set": "an HDF5 or netCDF-4 file",
         "recording": "an HDF5 or netCDF-4 file",
-        "raw recording": "a recording of `optopad driver record`",
     }
     file = tmp_path / "given"
     for kind, content in kinds.items():
@@ -196,25 +195,11 @@ def test_a_byte_order_mark_and_ends_of_lines_matter_in_no_text(tmp_path: Path) -
     assert not (improve_text(str(tmp_path / "bom.toml"), design, is_changed=False) or "").startswith("\ufeff")
 
 
-def test_netcdf_3_is_read_as_netcdf_4(tmp_path: Path) -> None:
-    rng = np.random.default_rng(0)
-    depth = np.array([-1.0, -0.5, 0.5, 1.0, 1.5])
-    held = xr.Dataset(
-        {
-            "counts": (("time", "state", "receiver"), rng.integers(0, 900, (5, 2, 1)).astype(np.int32)),
-            "press_depth": ("time", depth),
-            "press_x": ("time", np.full(5, 16.0)),
-            "press_y": ("time", np.full(5, 16.0)),
-        },
-        {"state": ["E1", "off"], "receiver": ["R1"]},
-        {"full_scale_counts": np.int32(1023)},
-    )
-    held.to_netcdf(tmp_path / "four.nc", engine="h5netcdf")
-    held.to_netcdf(tmp_path / "three.nc", engine="scipy", format="NETCDF3_64BIT")
-    four, three = (read_recording(tmp_path / f"{name}.nc") for name in ("four", "three"))
-    assert list(three.counts) == ["E1-R1"]
-    assert three.counts["E1-R1"].tolist() == four.counts["E1-R1"].tolist()
-    assert read_data(tmp_path / "three.nc").state_names == ("E1", "off")
+def test_netcdf_3_is_refused_with_the_way_to_netcdf_4(tmp_path: Path) -> None:
+    xr.Dataset({"a": ("time", [1.0])}).to_netcdf(tmp_path / "three.nc", engine="scipy")
+    for read in (read_recording, read_data):
+        with pytest.raises(OptopadError, match=r"a netCDF-3 file; needs .*; `nccopy -k nc4 OLD NEW` makes"):
+            read(tmp_path / "three.nc")
 
 
 def test_a_row_is_named_as_an_editor_numbers_it(tmp_path: Path) -> None:

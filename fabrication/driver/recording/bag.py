@@ -305,7 +305,6 @@ class _Bag:
         return found
 
     def _lacks(self, kind: str, where: str = "") -> InputError:
-        """The error that the bag has no messages of a type."""
         has = ", ".join(f"{name} ({one})" for name, one in self.kinds.items()) or "no messages"
         damage = f", and is damaged: {self._fault}" if self._fault else ""
         return InputError(

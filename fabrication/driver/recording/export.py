@@ -233,7 +233,6 @@ def write_csv(recorded: Recorded, out: Path, name: str, *, on_step: OnStep = sil
 
 
 def _columns(recorded: Recorded, part: slice) -> dict[str, Iterable[Any]]:
-    """Columns of the table for a part of the frames, by name."""
     said, labels = descriptor_of(recorded.config), recorded.labels
     columns: dict[str, Iterable[Any]] = {
         "time_s": (f"{time_s:.6f}" for time_s in (recorded.host_s[part] - recorded.host_s[0]).tolist()),

@@ -397,7 +397,6 @@ def _info_of(design: str, fps: float, own: dict[str, Any]) -> dict[str, Any]:
 
 
 def _require_equal(info: dict[str, Any], new: dict[str, Any], name: str) -> None:
-    """Refuse a recording that does not fit the data set, with the first reason."""
     features, others = info["features"], new["features"]
     digests = [one[SIGNALS]["info"]["design_digest"] for one in (features, others)]
     if digests[0] != digests[1]:

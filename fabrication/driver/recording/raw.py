@@ -219,8 +219,8 @@ def _header(file: Path, content: bytes) -> tuple[dict[str, Any], int]:
     except (ValueError, RecursionError):
         is_ours = False
     if not is_ours or not isinstance(header, dict) or not isinstance(header.get("config"), dict):
-        kind = kind_of(content[:BYTES_FOR_KIND])
-        was = "its header is damaged" if kind.startswith("a recording") else kind
+        is_damaged = content.startswith(b'{"format": "' + FORMAT.encode())
+        was = "its header is damaged" if is_damaged else kind_of(content[:BYTES_FOR_KIND])
         raise InputError(f"{file}: {was}; needs {NEEDED}")
     if header.get("version") != VERSION:
         raise InputError(f"{file}: version {header.get('version')!r}, this optopad reads {VERSION}")

@@ -9,21 +9,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from design.arrays import FloatArray
 from design.errors import InputError
-from design.hdf5_limits import limited_hdf5
+from design.netcdf_file import read_netcdf, require_numbers
 from fabrication.driver_file import DriverConfig
 
-if TYPE_CHECKING:
-    import xarray as xr
-
 MOST_BYTES = 500_000_000
-"""Largest size of the unpacked arrays of a signal file [bytes]; 6,000 presses with 1,024 pairs need 50 MB."""
+"""Largest size of a signal file [bytes]; 6,000 presses with 1,024 pairs need 50 MB."""
+NEEDED = "simulated signals; run `optopad score` again"
+PRESS = ("press_x", "press_y", "press_depth")
 SAME_MM = 1e-6
 """Coordinates of the grid that differ by less than this are considered equal [mm]."""
 
@@ -154,34 +152,24 @@ def table_from_signals(file: Path, config: DriverConfig) -> PressTable:
     ------
     InputError : the file cannot be read, is of another design or is not a full grid, or the configuration has no gains.
     """
-    import xarray as xr
-
-    try:
-        with (
-            limited_hdf5(file, most_bytes=MOST_BYTES) as source,
-            xr.open_dataset(source, engine="h5netcdf", phony_dims="access") as dataset,
-        ):
-            presses = np.stack([_numbers(dataset[f"press_{axis}"]) for axis in ("x", "y", "depth")], axis=1)
-            flux = _numbers(dataset["flux"])
-            belongs_to = str(dataset.attrs["design_digest"])
-    except Exception as err:  # all on purpose: the library raises errors of many types on damage
-        raise InputError(f"{file}: no simulated signals: {err}; run `optopad score` again") from None
+    dataset = read_netcdf(file, needed=NEEDED, most_bytes=MOST_BYTES)
+    if missing := [name for name in (*PRESS, "flux") if name not in dataset]:
+        raise InputError(f"{file}: has no {', '.join(missing)}; needs {NEEDED}")
+    require_numbers(dataset, file, PRESS, ("state",))
+    require_numbers(dataset, file, ("flux",), ("state", "emitter", "receiver"))
+    presses = np.stack([np.asarray(dataset[name].values, dtype=np.float64) for name in PRESS], axis=1)
+    flux = np.asarray(dataset["flux"].values, dtype=np.float64)
+    belongs_to = str(dataset.attrs.get("design_digest", "unknown"))
     if belongs_to != config.digest:
         raise InputError(
             f"{file}: of design {belongs_to[:8]}, needed {config.digest[:8]}; run `optopad score` again"
         )
     gains = gains_of(config)
-    if flux.ndim != 3 or flux.shape[2] != len(gains):
+    if flux.shape[2] != len(gains):
         raise InputError(
             f"{file}: flux of the shape {flux.shape}, needs (state, emitter, {len(gains)}); run `optopad score` again"
         )
     return table_of(presses, flux * gains, is_whole=not config.workspace.area.arcs)
-
-
-def _numbers(array: xr.DataArray) -> FloatArray:
-    if array.dtype.kind not in "fiu":
-        raise ValueError(f"{array.name} is of the type {array.dtype}, needs numbers")
-    return np.asarray(array.values, dtype=np.float64)
 
 
 def gains_of(config: DriverConfig) -> FloatArray:

@@ -18,7 +18,6 @@ const TURN = 6, ZOOM = 1.15, MARK = 2.2;
 const FEW = Math.max(4, Math.round(36 / data.pairs.length));
 const [LENGTH, WIDTH, TOP, BLACK] = data.box;
 const CENTRE = [LENGTH / 2, WIDTH / 2, TOP / 2];
-const TIP_TOP = data.tip[data.tip.length - 1][1];
 const HEAD = Math.max(0.9 * data.tip[data.tip.length - 1][0], 1);
 // walls are not cut away in views so steep that they hide nothing
 const STEEP = 76, SHARP_AFTER_MS = 160;

@@ -58,7 +58,6 @@ def _chord(cavity: CavityGeometry, pair: str) -> tuple[PlacedPart, PlacedPart, C
 def _draw_light(
     ax: Axes, design: SensorDesign, cut: Cut, heights_mm: tuple[float, float], witness: Witness
 ) -> None:
-    """Draw the straight path and the path mirrored at the untouched top, each with its remaining share of light."""
     (low, high), length = heights_mm, cut.length_mm
     top = cut.plane(ceiling_mm(design)).untouched_mm(cavity_of(design).plan)
     along, height = top.T

@@ -135,7 +135,6 @@ def _write_name(ax: Axes, part: PlacedPart, cavity: CavityGeometry) -> None:
 
 
 def _body(part: PlacedPart, **look: Any) -> Patch:
-    """Draw a part's body from above, with its face in the wall."""
     return Polygon(body_corners_mm(part)[:4, :2], **look)
 
 
@@ -259,7 +258,6 @@ def _draw_section(ax: Axes, design: SensorDesign, section: _Section, room: float
 
 
 def _draw_tip(ax: Axes, design: SensorDesign, cavity: CavityGeometry, middle: float) -> None:
-    """Draw the tip where it just touches the top."""
     side = tip_points_mm(design.indenter, 2.0, 80)
     side = side[side[:, 1] <= 1.25 * design.indenter.tip_radius_mm]
     outline = np.concatenate([side[::-1] * (-1.0, 1.0), side]) + np.array([middle, cavity.clear_mm])
@@ -279,14 +277,12 @@ def _draw_body(ax: Axes, part: PlacedPart, wall_x: float, side: int) -> None:
 
 
 def _heights(ax: Axes, part: PlacedPart, at_mm: float, colour: str) -> None:
-    """Write the height of a part's active area above the bottom of the clear layer."""
     _arrow(ax, (at_mm, 0.0), (at_mm, part.height_mm), colour)
     words = f" {part.kind} {part.height_mm:.4g}"
     ax.text(at_mm, part.height_mm / 2, words, ha="left", va="center", fontsize=SMALL, color=colour)
 
 
 def _across(ax: Axes, start: float, end: float, y: float, words: str, *, from_mm: float) -> None:
-    """Draw a dimension along x, with extension lines."""
     _arrow(ax, (start, y), (end, y))
     for x in (start, end):
         ax.plot((x, x), (from_mm, y), **LINE)
@@ -294,7 +290,6 @@ def _across(ax: Axes, start: float, end: float, y: float, words: str, *, from_mm
 
 
 def _upright(ax: Axes, low: float, high: float, x: float, words: str, *, from_mm: float) -> None:
-    """Draw a dimension along y, with extension lines."""
     _arrow(ax, (x, low), (x, high))
     for y in (low, high):
         ax.plot((from_mm, x), (y, y), **LINE)

@@ -152,7 +152,6 @@ def _marked_depths(dead_mm: tuple[Interval, ...], deepest_mm: float) -> dict[flo
 
 
 def _nearest_pairs(cavity: CavityGeometry, place_mm: tuple[float, float]) -> tuple[Pair, ...]:
-    """The judged pairs whose chords pass nearest to a location, the nearest first."""
     pairs = judged_pairs(cavity)
     return tuple(
         sorted(pairs, key=lambda pair: round(beside_chord(cavity, pair, place_mm)[0], 6))[:MOST_PAIRS]

@@ -164,7 +164,6 @@ def _sheet(scene: RayScene) -> Html:
 
 
 def _table(scene: RayScene) -> Html:
-    """Table of the received light of each kind under each press."""
     kinds = [kind for kind in scene.kinds if kind is not LOST]
     rows = [
         (label, *(_share(scene.share(number, kind)) for kind in kinds), _share(_total(scene, number, kinds)))

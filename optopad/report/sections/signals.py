@@ -134,7 +134,6 @@ def causes_section(score: ContinuityScore, drawings: Drawings) -> Html:
 
 
 def _trial_parts(trial: Trial | None) -> list[Html]:
-    """The changes that were tried, each with its result from the light model."""
     if trial is None:
         return []
     rows = [

@@ -181,7 +181,6 @@ def read_entry(key: str) -> UnitPress | None:
 
 
 def _arrays(press: UnitPress) -> dict[str, np.ndarray[Any, Any]]:
-    """Every field of a press as an array, by name."""
     return {field.name: np.array(getattr(press, field.name)) for field in fields(press)}
 
 

@@ -1,4 +1,4 @@
-"""One learner per file: kernel ridge (the paper's), trees, network, the touch classifier.
+"""One learner per file: kernel ridge (the paper's), trees, the touch classifier.
 
 It imports samples, inference and readings.
 """

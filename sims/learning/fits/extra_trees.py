@@ -20,12 +20,12 @@ from sklearn.ensemble import ExtraTreesRegressor
 
 from design.arrays import BoolArray, FloatArray
 from design.progress import OnStep
-from sims.learning.fits.kernel_ridge import begun
-from sims.learning.fits.touch import trust_of
+from sims.learning.fits.kernel_ridge import touch_prepared
+from sims.learning.fits.touch import fit_tuned_touch, trust_of
 from sims.learning.inference.extra_trees import ExtraTreesModel, Forest
 from sims.learning.inference.feature_scaling import FeatureScaling
 from sims.learning.inference.sigma_table import UNIT_SIGMA
-from sims.learning.samples import PressSamples, counts_scaling, trained_header
+from sims.learning.samples import PressSamples, counts_scaling, press_samples, trained_header
 from sims.learning.settings import DEFAULT, FitSettings
 from sims.readings.dataset import PressData
 
@@ -48,13 +48,15 @@ def fit_extra_trees(
     ------
     InputError : there are too few data or usable pairs, or the signals hardly vary.
     """
-    start = begun(train, seed, settings, on_step)
-    data, rng, samples = start.data, start.rng, start.samples
+    start = touch_prepared(train, fit_tuned_touch, seed=seed, settings=settings, on_step=on_step)
+    data, rng = start.data, start.rng
+    samples = press_samples(data, settings.tree_samples, rng)
     scaling = counts_scaling(data.kept)
     tried = _forest(samples, ~samples.is_held_out, scaling, min(settings.trees, TREES_OF_TRUST), rng)
     on_step("fit", 0.3)
     forest = _forest(samples, np.ones(len(samples), np.bool_), scaling, settings.trees, rng)
     facts = start.facts | {
+        "fit_samples": len(samples),
         "trees": settings.trees,
         "fewest_in_leaf": FEWEST_IN_LEAF,
         "share_of_features": SHARE_OF_FEATURES,

@@ -9,31 +9,15 @@ tried scale with the data: γ times the median L1 distance between two training 
 own numbers depend on its units. The final fit uses samples of all presses. The mean of the targets is subtracted, so
 that far from every sample the estimate is the mean press, not the origin.
 
-`touch_prepared` and `begun` begin every fit: data check, touch classifier, choice of samples in contact.
+`touch_prepared` begins every fit: data check, touch classifier.
 
-Cholesky factor of a large symmetric matrix in its own memory
--------------------------------------------------------------
-    A = L Lᵀ,   for each block column k:   L_kk = chol(A_kk),   L_ik = A_ik L_kk⁻ᵀ,   A_ij -= L_ik L_jkᵀ   (i ≥ j > k)
-
-Only the lower triangle is read and written. LAPACK's own routine does the same in one call, but with the OpenBLAS that
-SciPy 1.17 ships, that call ended in a memory fault for 24,000 rows on two threads. Here every call works on blocks of
-`BLOCK` rows, and the products of blocks take nearly all of the time. Source: Golub and Van Loan, Matrix computations
-(2013), section 4.2.
-
-The linear system of kernel ridge regression, solved in the available memory
-----------------------------------------------------------------------------
+The linear system
+-----------------
     (K + λ I) a = y,    K_ij = exp(-γ |s_i - s_j|₁)
 
-`exact`     double precision, Cholesky in place: 8 n² bytes. 24,000 samples take 4.6 GB.
-`single`    if that does not fit: single precision, 4 n² bytes, and one step of iterative refinement. Its residual is
-            computed in double precision from the samples: r = y - (K + λ I) a, then a += (K + λ I)⁻¹ r.
-`nystroem`  if that does not fit either: all samples are fitted, with kernels of only m of them (landmarks z),
-            min |y - K_nm a|² + λ aᵀ K_mm a, by its normal equations accumulated in blocks: 8 m² bytes. Source: Williams
-            and Seeger, Using the Nystroem method to speed up kernel machines, NIPS 13 (2001); Rudi, Camoriano and
-            Rosasco, Less is more, NIPS 28 (2015).
-
-The model's header names the method, so an approximation is never silent. The matrix is built a block of rows at a time,
-in its lower triangle only, so no other array is as large.
+is solved by LAPACK's Cholesky factor in the matrix' own memory: 8 n² bytes, 4.6 GB for 24,000 samples. The factor is
+computed on one thread: on two threads the OpenBLAS of SciPy 1.17 and NumPy 2.4 ends in a memory fault at 24,000 rows.
+The matrix is built a block of rows at a time, in its lower triangle only, so no other array is as large.
 """
 
 from __future__ import annotations
@@ -46,24 +30,23 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
+from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial.distance import cdist
+from threadpoolctl import threadpool_limits
 
 from design.arrays import FloatArray
 from design.errors import InputError
 from design.progress import OnShare, OnStep
-from sims.learning.fits.touch import fit_plain_touch, fit_tuned_touch
+from sims.learning.fits.touch import fit_plain_touch
 from sims.learning.inference.kernel_ridge import KernelRidgeModel
 from sims.learning.inference.touch_svm import TouchSvm
 from sims.learning.samples import (
-    PressSamples,
     TrainingData,
     counts_scaling,
     held_out,
     held_out_figures,
     mean_error_mm,
     prepared,
-    press_samples,
     spread_samples,
     trained_header,
 )
@@ -91,13 +74,6 @@ class ToldTouch:
     facts: dict[str, Any]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Begun(ToldTouch):
-    """State of a model's fit once samples in contact are chosen. Some are held out to scale the model's deviations."""
-
-    samples: PressSamples
-
-
 def touch_prepared(
     train: PressData, fit_touch: FitTouch, *, seed: int, settings: FitSettings, on_step: OnStep
 ) -> ToldTouch:
@@ -114,157 +90,19 @@ def touch_prepared(
     return ToldTouch(data=data, rng=rng, touch=touch, facts=facts)
 
 
-def begun(train: PressData, seed: int, settings: FitSettings, on_step: OnStep) -> Begun:
-    """Start the fit of trees or a network: check data, fit the tuned touch classifier, choose samples in contact."""
-    prepared = touch_prepared(train, fit_tuned_touch, seed=seed, settings=settings, on_step=on_step)
-    samples = press_samples(prepared.data, settings.network_samples, prepared.rng)
-    return Begun(
-        data=prepared.data,
-        rng=prepared.rng,
-        touch=prepared.touch,
-        facts=prepared.facts | {"fit_samples": len(samples)},
-        samples=samples,
-    )
-
-
-BLOCK = 1_500
-
-
-def factorise_in_place(matrix: NDArray[Any]) -> None:
-    """Overwrite the lower triangle of a symmetric matrix (n, n) with its Cholesky factor L; single or double precision.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError : the matrix is not positive definite in this precision; it is then partly overwritten.
-    """
-    size = len(matrix)
-    for start in range(0, size, BLOCK):
-        here = slice(start, min(start + BLOCK, size))
-        # skip the upper triangle: a signalling NaN there would count as a matrix that is not positive definite
-        matrix[here, here] = np.linalg.cholesky(np.tril(matrix[here, here]))
-        for rows in _below(here.stop, size):
-            matrix[rows, here] = solve_triangular(
-                matrix[here, here], matrix[rows, here].T, lower=True, check_finite=False
-            ).T
-        for columns in _below(here.stop, size):
-            for rows in _below(columns.start, size):
-                matrix[rows, columns] -= matrix[rows, here] @ matrix[columns, here].T
-
-
-def substituted(factor: NDArray[Any], targets: FloatArray) -> FloatArray:
-    """Solution (n, output) of L Lᵀ x = targets; L is in the lower triangle of `factor` (n, n)."""
-    found = np.array(targets, dtype=factor.dtype)
-    blocks = list(_below(0, len(factor)))
-    for here in blocks:
-        found[here] -= factor[here, : here.start] @ found[: here.start]
-        found[here] = _solved(factor[here, here], found[here], "N")
-    for here in reversed(blocks):
-        found[here] -= factor[here.stop :, here].T @ found[here.stop :]
-        found[here] = _solved(factor[here, here], found[here], "T")
-    return np.asarray(found, dtype=np.float64)
-
-
-def _below(start: int, size: int) -> list[slice]:
-    """Slices of at most `BLOCK` rows, from `start` up to `size`."""
-    return [slice(row, min(row + BLOCK, size)) for row in range(start, size, BLOCK)]
-
-
-def _solved(triangle: NDArray[Any], right: NDArray[Any], trans: str) -> NDArray[Any]:
-    return np.asarray(solve_triangular(triangle, right, lower=True, trans=trans, check_finite=False))
-
-
 BLOCK_ROWS = 500
-CHECKED_ROWS = 1_000
-RIDGE_OF_LANDMARKS = 1e-9
-"""Number added to the diagonal of K_mm, which is 1, so that its Cholesky factor exists despite rounding errors."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class KernelSolution:
-    """Solution of the kernel system: weights of the samples that the model stores.
-
-    Attributes
-    ----------
-    kept : (kept,) indices of the stored samples
-    weights : (kept, output) weights in the unit of the targets
-    method : exact, single or nystroem
-    largest_residual : largest residual in `CHECKED_ROWS` of the equations, divided by the largest target [-]; NaN for
-        `nystroem`, which solves a different system
-    """
-
-    kept: NDArray[np.intp]
-    weights: FloatArray
-    method: str
-    largest_residual: float
-
-
-def method_for(samples: int, memory_gb: float) -> str:
-    """The most exact of the three methods whose matrix for `samples` samples fits into `memory_gb`."""
-    if 8e-9 * samples**2 <= memory_gb:
-        return "exact"
-    return "single" if 4e-9 * samples**2 <= memory_gb else "nystroem"
-
-
-def solve_kernel(
-    features: FloatArray,
-    targets: FloatArray,
-    *,
-    gamma: float,
-    ridge: float,
-    method: str,
-    landmarks: NDArray[np.intp] | None = None,
-    refinements: int = 1,
-    on_share: OnShare = lambda _share: None,
-) -> KernelSolution:
-    """Solve the kernel ridge system by one of the three methods.
-
-    Parameters
-    ----------
-    features : (sample, feature) [-]
-    targets : (sample, output) targets with their mean subtracted
-    gamma : γ of the kernel, per unit of L1 distance [-]
-    ridge : λ, added to the diagonal [-]
-    method : `exact`, `single` or `nystroem`
-    landmarks : indices of the samples that `nystroem` stores; required by that method only
-    refinements : number of refinement steps of `single`; 0 is for comparisons only
-
-    Raises
-    ------
-    InputError : the matrix is not positive definite in this precision.
-    """
-    if method == "nystroem":
-        assert landmarks is not None
-        weights = _nystroem(features, targets, landmarks, gamma, ridge, on_share)
-        return KernelSolution(kept=landmarks, weights=weights, method=method, largest_residual=float("nan"))
-    kind = np.float64 if method == "exact" else np.float32
-    factor = factorise(kernel_matrix(features, gamma, kind, on_share), ridge)
-    weights = substituted(factor, targets)
-    everything = np.arange(len(features))
-    for _ in range(refinements if method == "single" else 0):
-        residual = _residual(features, targets, weights, gamma, ridge, everything)
-        weights = weights + substituted(factor, residual)
-    checked = everything[:: -(-len(features) // CHECKED_ROWS)]
-    residual = _residual(features, targets, weights, gamma, ridge, checked)
-    return KernelSolution(
-        kept=np.arange(len(features)),
-        weights=weights,
-        method=method,
-        largest_residual=float(np.abs(residual).max() / np.abs(targets).max()),
-    )
-
-
-def kernel_matrix(
-    features: FloatArray, gamma: float, kind: type[Any], on_share: OnShare = lambda _share: None
-) -> NDArray[Any]:
+def kernel_matrix(features: FloatArray, gamma: float, on_share: OnShare = lambda _share: None) -> FloatArray:
     """Lower triangle of the kernel matrix (sample, sample); the zeros above take no memory until accessed."""
     samples = len(features)
-    matrix = np.zeros((samples, samples), kind)
+    matrix = np.zeros((samples, samples))
 
     def fill(start: int) -> int:
         end = min(start + BLOCK_ROWS, samples)
         block = cdist(features[start:end], features[:end], "cityblock")
         block *= -gamma
-        np.exp(block, out=matrix[start:end, :end], casting="same_kind")
+        np.exp(block, out=matrix[start:end, :end])
         return end
 
     with ThreadPoolExecutor(
@@ -281,68 +119,28 @@ def kernel_threads() -> int:
     return max(1, int(wanted) if wanted.isdecimal() else os.cpu_count() or 1)
 
 
-def factorise(matrix: NDArray[Any], ridge: float) -> NDArray[Any]:
-    """Cholesky factor of matrix + ridge I, in the lower triangle of the matrix' own memory.
+def solved(matrix: FloatArray, ridge: float, targets: FloatArray) -> FloatArray:
+    """Solution a (sample, output) of (K + λ I) a = targets.
+
+    Parameters
+    ----------
+    matrix : (sample, sample) K, of which the lower triangle alone is read; it is overwritten
+    ridge : λ [-]
 
     Raises
     ------
-    InputError : the matrix is not positive definite in this precision.
+    InputError : the matrix is not positive definite.
     """
     matrix.flat[:: len(matrix) + 1] += ridge
     try:
-        factorise_in_place(matrix)
+        with threadpool_limits(1, user_api="blas"):
+            # the lower triangle by rows is the upper triangle by columns, LAPACK's order
+            factor = cho_factor(matrix.T, lower=False, overwrite_a=True, check_finite=False)
     except np.linalg.LinAlgError:
         raise InputError(
             f"kernel ridge: the matrix is not positive definite at lambda {ridge:g}; give a larger lambda"
         ) from None
-    return matrix
-
-
-def _residual(
-    features: FloatArray,
-    targets: FloatArray,
-    weights: FloatArray,
-    gamma: float,
-    ridge: float,
-    rows: NDArray[np.intp],
-) -> FloatArray:
-    """Residual y - (K + λ I) a (row, output) of some rows, computed block by block in double precision."""
-    residual = targets[rows] - ridge * weights[rows]
-
-    def subtract(start: int) -> None:
-        block = rows[start : start + BLOCK_ROWS]
-        kernel = np.exp(-gamma * cdist(features[block], features, "cityblock"))
-        residual[start : start + BLOCK_ROWS] -= kernel @ weights
-
-    with ThreadPoolExecutor(kernel_threads()) as pool:
-        list(pool.map(subtract, range(0, len(rows), BLOCK_ROWS)))
-    return residual
-
-
-def _nystroem(
-    features: FloatArray,
-    targets: FloatArray,
-    landmarks: NDArray[np.intp],
-    gamma: float,
-    ridge: float,
-    on_share: OnShare,
-) -> FloatArray:
-    """Weights of the landmarks by the Nyström method, preconditioned by the Cholesky factor of their kernel matrix."""
-    points = features[landmarks]
-    among = np.exp(-gamma * cdist(points, points, "cityblock"))
-    among.flat[:: len(among) + 1] += RIDGE_OF_LANDMARKS
-    root = np.linalg.cholesky(among)
-    normal = np.zeros((len(points), len(points)))
-    right = np.zeros((len(points), targets.shape[1]))
-    for start in range(0, len(features), BLOCK_ROWS):
-        rows = slice(start, start + BLOCK_ROWS)
-        kernel = np.exp(-gamma * cdist(points, features[rows], "cityblock"))
-        white = solve_triangular(root, kernel, lower=True, overwrite_b=True, check_finite=False)
-        normal += white @ white.T
-        right += white @ targets[rows]
-        on_share(0.8 * (start + BLOCK_ROWS) / (len(features) + BLOCK_ROWS))
-    weights = substituted(factorise(normal, ridge), right)
-    return np.asarray(solve_triangular(root, weights, lower=True, trans="T", check_finite=False))
+    return np.asarray(cho_solve(factor, targets, check_finite=False))
 
 
 GAMMA_TIMES_MEDIAN = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
@@ -375,56 +173,24 @@ def fit_kernel_ridge(
     searched = searched_grid(
         data, touched, settings.search_samples, rng, lambda share: on_step("search", share)
     )
-    method = method_for(min(settings.fit_samples, len(touched)), settings.memory_gb)
-    chosen, landmarks = _fitted_samples(data, touched, method, settings, rng)
+    chosen = touched[
+        spread_samples(data.press[touched], data.press_mm[touched, 2], settings.fit_samples, rng)
+    ]
     features = scaling.features(data.signals[chosen].astype(np.float64))
     mean_mm = data.press_mm[chosen].mean(axis=0)
-    solved = solve_kernel(
-        features,
-        data.press_mm[chosen] - mean_mm,
-        gamma=searched["gamma"],
-        ridge=searched["lambda"],
-        method=method,
-        landmarks=landmarks,
-        on_share=lambda share: on_step("fit", share),
-    )
+    matrix = kernel_matrix(features, searched["gamma"], lambda share: on_step("fit", share))
+    weights = solved(matrix, searched["lambda"], data.press_mm[chosen] - mean_mm)
     on_step("fit", 1.0)
-    facts = (
-        prepared.facts
-        | searched
-        | {
-            "method": solved.method,
-            "fit_samples": len(chosen),
-            "kept_samples": len(solved.kept),
-        }
-    )
-    if np.isfinite(solved.largest_residual):
-        facts["largest_residual"] = solved.largest_residual
+    facts = prepared.facts | searched | {"fit_samples": len(chosen)}
     return KernelRidgeModel(
         header=trained_header("kernel-ridge", data, facts, seed),
         touch=prepared.touch,
         scaling=scaling,
-        samples=features[solved.kept].astype(np.float32),
-        weights=solved.weights,
+        samples=features.astype(np.float32),
+        weights=weights,
         mean_mm=mean_mm,
         gamma=searched["gamma"],
     )
-
-
-def _fitted_samples(
-    data: TrainingData,
-    touched: NDArray[np.intp],
-    method: str,
-    settings: FitSettings,
-    rng: np.random.Generator,
-) -> tuple[NDArray[np.intp], NDArray[np.intp] | None]:
-    """Indices of the samples of the final fit, and of the landmarks among them (None unless `method` is nystroem)."""
-    chosen = touched[
-        spread_samples(data.press[touched], data.press_mm[touched, 2], settings.fit_samples, rng)
-    ]
-    if method != "nystroem":
-        return chosen, None
-    return chosen, spread_samples(data.press[chosen], data.press_mm[chosen, 2], settings.landmarks, rng)
 
 
 def searched_grid(
@@ -434,29 +200,26 @@ def searched_grid(
     rng: np.random.Generator,
     on_share: Callable[[float], None],
 ) -> dict[str, Any]:
-    """Search for the γ and λ of least mean error at held-out locations; return both, and figures on the search.
-
-    The systems are solved in single precision. For λ of 0.01 or more, this changes estimates by less than 0.01 mm.
-    """
+    """Search for the γ and λ of least mean error at held-out locations; return both, and figures on the search."""
     half = touched[held_out(data.press[touched], TUNING_SHARE, rng)]
     chosen = half[spread_samples(data.press[half], data.press_mm[half, 2], most_samples, rng)]
     features = data.signals[np.ix_(chosen, data.kept)].astype(np.float64)
     press_mm = data.press_mm[chosen]
     tested = held_out(data.location[chosen], JUDGED_SHARE, rng)
     median = median_distance(features, rng)
-    among = cdist(features[~tested], features[~tested], "cityblock").astype(np.float32)
+    among = cdist(features[~tested], features[~tested], "cityblock")
     across = cdist(features[tested], features[~tested], "cityblock")
     mean_mm = press_mm[~tested].mean(axis=0)
     errors = {}
     for number, relative in enumerate(GAMMA_TIMES_MEDIAN):
         kernel, other = np.exp(-relative / median * among), np.exp(-relative / median * across)
         for ridge in RIDGES:
-            weights = substituted(factorise(kernel.copy(), ridge), press_mm[~tested] - mean_mm)
+            weights = solved(kernel.copy(), ridge, press_mm[~tested] - mean_mm)
             errors[relative, ridge] = mean_error_mm(mean_mm + other @ weights, press_mm[tested])
         on_share((number + 1) / len(GAMMA_TIMES_MEDIAN))
     relative, ridge = min(errors, key=lambda one: errors[one])
     kernel, other = np.exp(-relative / median * among), np.exp(-relative / median * across)
-    weights = substituted(factorise(kernel, ridge), press_mm[~tested] - mean_mm)
+    weights = solved(kernel, ridge, press_mm[~tested] - mean_mm)
     return held_out_figures(mean_mm + other @ weights, press_mm[tested]) | {
         "gamma": relative / median,
         "gamma_times_median": relative,

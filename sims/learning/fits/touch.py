@@ -7,7 +7,7 @@ LinearSVC: min ½ |w|² + C Σ max(0, 1 - y (w · s + b))², with the offset b c
 
     plain   as in the paper, which tunes only the regression: C is scikit-learn's default of 1, and the readings of
             all pairs are divided by one number, the median untouched signal
-    tuned   for trees and network: readings are standardised pair by pair, and C is the value of a grid with the
+    tuned   for trees: readings are standardised pair by pair, and C is the value of a grid with the
             largest share of correct results at held-out locations
 
 The tuned setting detects lighter touches (docs/how-to/train-learner.md has tables for both). Neither setting is tuned
@@ -40,13 +40,14 @@ from __future__ import annotations
 import warnings
 from dataclasses import replace
 from statistics import NormalDist
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.svm import LinearSVC
 
 from design.arrays import BoolArray, FloatArray, IntArray
+from sims.learning.inference.extra_trees import ExtraTreesModel
 from sims.learning.inference.feature_scaling import FeatureScaling
 from sims.learning.inference.sigma_table import SigmaTable
 from sims.learning.inference.touch_svm import TouchSvm
@@ -188,15 +189,7 @@ BINS = 10
 LEAST_FACTOR = 1e-3
 
 
-class KnowsSpread(Protocol):
-    """A model that estimates presses and a raw deviation for each, such as the spread over the trees of a forest."""
-
-    def press_and_spread_mm(self, signals: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Presses (n, 3) and their raw deviations (n, 3) for signals (n, pair) [mm]."""
-        ...
-
-
-def trust_of(model: KnowsSpread, samples: PressSamples) -> tuple[SigmaTable, dict[str, float]]:
+def trust_of(model: ExtraTreesModel, samples: PressSamples) -> tuple[SigmaTable, dict[str, float]]:
     """Deviation factors and figures for the header, from a model that was fitted without the held-out samples."""
     held_out = samples.is_held_out
     press_mm = samples.press_mm[held_out]

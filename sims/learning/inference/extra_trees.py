@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from design.arrays import FloatArray
 from design.errors import InputError
-from sims.learning.inference.feature_scaling import scaling_of_arrays
+from sims.learning.inference.feature_scaling import FeatureScaling, scaling_of_arrays
 from sims.learning.inference.header import ModelHeader
-from sims.learning.inference.sigma_table import sigma_table_of_arrays
-from sims.learning.inference.touch_model import Arrays, taken, taken_whole
-from sims.learning.inference.touch_svm import touch_svm_of_arrays
-from sims.learning.inference.trusted_model import TrustedModel
+from sims.learning.inference.prediction import Prediction
+from sims.learning.inference.sigma_table import SigmaTable, sigma_table_of_arrays
+from sims.learning.inference.touch_model import Arrays, checked_signals, prediction_of, taken, taken_whole
+from sims.learning.inference.touch_svm import TouchSvm, touch_svm_of_arrays
 
 FRAMES_AT_ONCE = 1_000
 LEAST_SPREAD_MM = 0.05
@@ -70,15 +70,30 @@ class Forest:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ExtraTreesModel(TrustedModel):
+class ExtraTreesModel:
     """A touch classifier, and a forest of trees that estimates x, y, depth and their deviations.
 
     Attributes
     ----------
-    forest : the trees; `TrustedModel` has the other attributes
+    header : description of the model and its training data
+    touch : touch classifier
+    scaling : scaling of the features of the trees
+    forest : the trees
+    sigma : factors from the trees' raw deviation to the standard deviation, by depth
     """
 
+    header: ModelHeader
+    touch: TouchSvm
+    scaling: FeatureScaling
     forest: Forest
+    sigma: SigmaTable
+
+    def predict(self, signals: FloatArray) -> Prediction:
+        """Predictions for frames (n, pair) [counts]."""
+        signals = checked_signals(self.header, signals)
+        press_mm, spread_mm = self.press_and_spread_mm(signals)
+        sigma_mm = self.sigma.sigma_mm(press_mm[:, 2], spread_mm)
+        return prediction_of(self.header, self.touch.score(signals), press_mm, sigma_mm)
 
     def press_and_spread_mm(self, signals: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Mean x, y, depth (n, 3) over the trees, and their raw deviations (n, 3) [mm].

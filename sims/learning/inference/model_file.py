@@ -26,14 +26,12 @@ from design.plain_arrays import plain_arrays
 from sims.learning.inference.extra_trees import extra_trees_of_arrays
 from sims.learning.inference.header import ModelHeader, header_of_json
 from sims.learning.inference.kernel_ridge import kernel_ridge_of_arrays
-from sims.learning.inference.network import network_of_arrays
 from sims.learning.inference.signal_map import signal_map_of_arrays
 from sims.learning.inference.touch_model import Arrays, TouchModel
 
 KINDS: dict[str, Callable[[ModelHeader, Arrays], TouchModel]] = {
     "kernel-ridge": kernel_ridge_of_arrays,
     "extra-trees": extra_trees_of_arrays,
-    "network": network_of_arrays,
     "signal-map": signal_map_of_arrays,
 }
 """Constructor of each kind of model from header and arrays; raises `InputError` if they are inconsistent."""

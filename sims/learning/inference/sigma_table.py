@@ -4,8 +4,7 @@ They are measured at locations on which the model was not trained:
 
     sigma = raw sigma × factor(estimated depth)
 
-Factors are interpolated linearly between the table's depths, and constant outside them. A model that does not estimate
-a spread has a raw deviation of 1 mm, so the factor is its error in mm.
+Factors are interpolated linearly between the table's depths, and constant outside them.
 """
 
 from __future__ import annotations

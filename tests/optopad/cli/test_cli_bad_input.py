@@ -232,7 +232,6 @@ def test_no_command_writes_over_what_it_reads_or_a_file_of_another_kind(
 
 WRITTEN = {
     ("schema",): ".json",
-    ("migrate",): ".toml",
     ("part", "new"): ".toml",
     ("train",): ".optomodel",
     ("contact", "build"): ".npz",

@@ -173,7 +173,7 @@ def test_traced_walls_that_come_loose_change_signals_where_walls_mirror(folder):
         design = preset("piacenza2017-pad").with_(
             **quiet, **{"noise.wall_unbonded_share": 0.5, "cavity.black_thickness_mm": black_mm}
         )
-        data = simulated.simulate_protocol(design, one)
+        data = simulated.draw(simulated.protocol_curves(design, one), seed=0)
         signal = data.signals()[:14].mean(axis=(1, 2))
         way_in, way_back = signal[:7], signal[7:][::-1]
         assert way_back[2] - way_in[2] > 2.0  # 0 mm: whole walls before, loose ones after

@@ -98,7 +98,7 @@ def test_all_learners_go_into_a_folder_with_the_designs_force(folder, capsys):
         (["absent.nc"], "absent.nc: no such file"),
         (["pad.nc", "--learner", "oracle"], "--learner: 'oracle' is refused: give kernel-ridge"),
         (["pad.nc", "--learner", "signal-map"], "name it with --design"),
-        (["pad.nc", "--effort", "some"], "--effort: 'some' is refused: give quick, default, full, whole"),
+        (["pad.nc", "--effort", "whole"], "--effort: 'whole' is refused: give quick, default, full"),
         (["pad.nc", "--design", "oblong-60x40"], "of design"),
         (["pad.nc", "--set", "cavity.clear_thickness_mm=9"], "--set: changes a design"),
         (["pad.nc", "--learner", "all", "--out", "one.optomodel"], "one.optomodel is one file for"),

@@ -160,28 +160,6 @@ def test_the_schema_accepts_every_field_of_a_saved_design(folder, capsys):
     assert schema["additionalProperties"] is False
 
 
-def test_migrate_leaves_a_present_file_alone_and_refuses_a_newer_one(folder, capsys):
-    main(["new", "mine.toml"])
-    before = (folder / "mine.toml").read_bytes()
-    assert main(["migrate", "mine.toml"]) == 0
-    assert (folder / "mine.toml").read_bytes() == before
-    (folder / "newer.toml").write_bytes(before.replace(b"schema_version = 1", b"schema_version = 2"))
-    assert main(["migrate", "newer.toml"]) == 2
-    assert "newer" in capsys.readouterr().err
-
-
-def test_migrate_keeps_the_file_that_it_reads(folder, capsys, monkeypatch):
-    monkeypatch.setattr("design.io.migrated", lambda document: document | {"schema_version": 1})
-    main(["new", "mine.toml"])
-    old = (folder / "mine.toml").read_bytes().replace(b"schema_version = 1", b"schema_version = 0")
-    (folder / "mine.toml").write_bytes(old)
-    assert main(["migrate", "mine.toml"]) == 0
-    assert load_design(folder / "mine-migrated.toml").name == "mine"
-    assert main(["migrate", "mine.toml", "--out", "mine.toml"]) == 2
-    assert "is a file that this command reads" in capsys.readouterr().err
-    assert (folder / "mine.toml").read_bytes() == old
-
-
 def test_the_mold_s_line_names_what_did_not_hold():
     checks = {
         "ok": True,

@@ -22,7 +22,7 @@ from design.shape.cavity import CavityGeometry, cavity_of, workspace_of
 from design.spec import SensorDesign
 from fabrication.driver.pattern import Problem
 from optopad.results.figures import figures_of
-from optopad.studio.drawings import QUANTITIES, curves_svg, map_svg, nearest_place, quantity, readings_svg
+from optopad.studio.drawings import QUANTITIES, curves_svg, map_svg, quantity, readings_svg
 from optopad.studio.live import LiveView
 from optopad.studio.live_results import LiveVerdict, Progress
 from optopad.studio.pad_mesh import cut_open
@@ -236,14 +236,6 @@ def test_a_pad_of_one_place_has_one_cell() -> None:
     ((cell, title),) = titled(drawn(map_svg(cavity, quantity("deadband", one), PRESS)), "rect")
     assert title == "x 16, y 16 mm: 1.9 mm"
     assert float(cell.attrib["width"]) == pytest.approx(400 - 52, abs=0.1)
-
-
-def test_the_nearest_place_is_the_nearest() -> None:
-    pad = DEAD.pad_map
-    assert pad is not None
-    for number, place in enumerate(pad.places):
-        press = LivePress(x_mm=place.x_mm + 0.9, y_mm=place.y_mm - 0.9, depth_mm=1.0)
-        assert nearest_place(pad, press) == number
 
 
 def test_readings_have_a_row_an_emitter_and_a_cell_a_pair() -> None:

@@ -115,9 +115,10 @@ def test_another_version_is_refused_with_both_numbers(saved):
         load_model(saved)
 
 
-def test_an_unknown_kind_is_refused_with_those_known(saved):
-    rewritten(saved, header=header_bytes(kind="oracle"))
-    with pytest.raises(InputError, match=r"of kind 'oracle', this optopad reads kernel-ridge"):
+@pytest.mark.parametrize("kind", ["oracle", "network"])
+def test_an_unknown_kind_is_refused_with_those_known(saved, kind):
+    rewritten(saved, header=header_bytes(kind=kind))
+    with pytest.raises(InputError, match=rf"of kind '{kind}', this optopad reads kernel-ridge"):
         load_model(saved)
 
 

@@ -394,7 +394,7 @@ def test_a_gap_is_refused_on_the_screen_by_every_command(
         assert "1 of 108 readings are outside 0 to 1023, the first is -999 in E2-R3" in told, command
 
 
-@pytest.mark.parametrize("kind", ["characters", "bytes", "text", "netCDF-3"])
+@pytest.mark.parametrize("kind", ["characters", "bytes", "text"])
 def test_names_with_blanks_at_the_end_are_read_however_they_are_stored(tmp_path: Path, kind: str) -> None:
     names = {"state": ["E1  ", "E2  ", "off "], "receiver": ["R1", "R2", "R3"]}
     file = tmp_path / "named.nc"
@@ -408,7 +408,7 @@ def test_names_with_blanks_at_the_end_are_read_however_they_are_stored(tmp_path:
     else:
         of_type = object if kind == "text" else "S4"
         named = held().assign_coords({name: np.array(texts, dtype=of_type) for name, texts in names.items()})
-        named.to_netcdf(file, engine="scipy" if kind == "netCDF-3" else "h5netcdf")
+        named.to_netcdf(file, engine="h5netcdf")
     found = read_data(file)
     assert found.state_names == ("E1", "E2", "off")
     assert found.receiver_names == RECEIVERS
@@ -427,7 +427,7 @@ def test_a_file_without_a_part_is_refused_by_its_name(tmp_path: Path, gone: str)
 
 def test_what_is_no_netcdf_is_refused(tmp_path: Path) -> None:
     (tmp_path / "text.nc").write_text("depth,signal\n")
-    with pytest.raises(InputError, match=r"text\.nc: a CSV table; needs a data set in netCDF"):
+    with pytest.raises(InputError, match=r"text\.nc: a text; needs a data set in netCDF"):
         read_data(tmp_path / "text.nc")
     with pytest.raises(InputError, match="no such file"):
         read_data(tmp_path / "absent.nc")

@@ -150,7 +150,6 @@ class SensorNode(LifecycleNode):
         return TransitionCallbackReturn.SUCCESS
 
     def _clear(self):
-        """Forget what was known of an earlier activation."""
         self._renew.clear()
         self._fault = ''
         self._lost_at = None
@@ -259,7 +258,6 @@ class SensorNode(LifecycleNode):
         self._is_shown = touch.is_touched
 
     def _look(self, sensor):
-        """Note whether frames arrive."""
         fault = sensor.fault
         if fault:
             if self._is_shown:

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from design.errors import InputError
-from design.hdf5_limits import limited_hdf5
+from design.netcdf_file import limited_hdf5
 from sims.readings.dataset import read_data, save_data
 from sims.readings.recording import read_recording
 from tests.sims.readings.test_dataset import made_up

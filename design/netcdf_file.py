@@ -1,4 +1,4 @@
-"""Limits for HDF5 files, which netCDF-4 files are: all sizes are checked before the library allocates memory for them.
+"""Reads netCDF-4 files, which are HDF5 files: all sizes are checked before the library allocates memory for them.
 
 A damaged or malicious file may state any size. The HDF5 library believes it: a file of 260 kB that states a header of
 1.7 GB takes 1.7 GB of memory. Two means prevent this:
@@ -7,7 +7,10 @@ A damaged or malicious file may state any size. The HDF5 library believes it: a 
     the headers are checked before the arrays are read             sizes of arrays, chunks, texts and attributes
 
 Packed data need checks of their own. A packed chunk can unpack to more than the size that its header states: by deflate
-to 1032 times its packed size, and packed twice to a million times. The module needs numpy and h5py only.
+to 1032 times its packed size, and packed twice to a million times.
+
+The HDF5 library reads metadata only when they are needed, so damage may cause errors of many types. All of them become
+an `InputError` that names the file.
 """
 
 from __future__ import annotations
@@ -16,16 +19,27 @@ import io
 import math
 import os
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from design.errors import InputError
+from design.files import HDF5, NETCDF3, kind_of_file, require_file
+
 if TYPE_CHECKING:
     import h5py
+    import xarray as xr
 
+MOST_BYTES = 8_000_000_000
+"""Largest accepted size of all unpacked arrays [bytes]: twice the largest file, as 2-byte counts become 4 bytes."""
+MOST_RATIO = 200
+"""Largest accepted ratio of unpacked size to file size: packing divides measured counts by 5, constant ones by 1000."""
+FREE_BYTES = 500_000_000
+"""Unpacked size below which any ratio is accepted [bytes]."""
+NEWER = "; `nccopy -k nc4 OLD NEW` makes netCDF-4 of it"
 MOST_TEXT_BYTES = 10_000_000
 """Largest total size of texts of variable length; each of them may refer to the same long text of the file."""
 MOST_TEXTS = 10_000
@@ -37,6 +51,81 @@ DEFLATE_RATIO = 1032
 GROWTH = 1.1, 1_000
 """Accepted ratio and additional bytes by which packing may lengthen a chunk that cannot be packed."""
 PIECE_BYTES = 1_000_000
+
+
+def read_netcdf(file: Path, *, needed: str, most_bytes: int, **options: Any) -> xr.Dataset:
+    """The content of a netCDF-4 file, in memory; texts are `str` without blanks at the end.
+
+    Parameters
+    ----------
+    needed : for error messages: what file is needed, and the command that makes it
+    most_bytes : unpacked size above which the file is refused before it is read [bytes]
+    options : options for `xarray.open_dataset`
+
+    Raises
+    ------
+    InputError : the file is missing, in another format, damaged, or too large; the message names it.
+    """
+    import xarray as xr
+
+    require_file(file, needed=needed)
+    if (size := file.stat().st_size) > most_bytes:
+        raise InputError(f"{file}: {size / 1e6:.0f} MB, reads at most {most_bytes / 1e6:.0f} MB; cut it")
+    if (kind := kind_of_file(file)) != HDF5:
+        raise InputError(f"{file}: {kind}; needs {needed}{NEWER if kind == NETCDF3 else ''}")
+    try:
+        most = min(MOST_BYTES, max(FREE_BYTES, MOST_RATIO * size))
+        with (
+            limited_hdf5(file, most_bytes=most) as source,
+            xr.open_dataset(source, engine="h5netcdf", phony_dims="access", **options) as dataset,
+        ):
+            if dataset.nbytes > most:
+                raise ValueError(f"holds {dataset.nbytes:.3g} bytes, reads at most {most:.3g}")
+            found = dataset.load()
+    except Exception as err:  # catch every type of error: see the module docstring
+        said = str(err) or type(err).__name__
+        raise InputError(f"{file}: {kind} that cannot be read: {said}; needs {needed}") from None
+    return found.assign({name: _text_of(one) for name, one in found.variables.items() if _is_text(one)})
+
+
+def _is_text(array: xr.Variable) -> bool:
+    return array.dtype.kind in "SU" or (
+        array.dtype.kind == "O" and all(isinstance(one, str | bytes) for one in array.values.ravel())
+    )
+
+
+def _text_of(array: xr.Variable) -> xr.Variable:
+    """Texts as `str`, however a program stored them: as bytes, as arrays of characters, or filled up with blanks."""
+    import xarray as xr
+
+    values, axes = array.values, array.dims
+    if (
+        values.ndim > 1
+        and values.dtype.kind in "SU"
+        and values.dtype.itemsize == np.dtype(f"{values.dtype.kind}1").itemsize
+    ):
+        values, axes = (
+            np.ascontiguousarray(values).view(f"{values.dtype.kind}{values.shape[-1]}")[..., 0],
+            axes[:-1],
+        )
+    texts = [one.decode("utf-8", "replace") if isinstance(one, bytes) else str(one) for one in values.ravel()]
+    plain = np.array([text.rstrip(" \0") for text in texts], dtype=str).reshape(values.shape)
+    return xr.Variable(axes, plain, array.attrs)
+
+
+def require_numbers(found: xr.Dataset, file: Path, names: Sequence[str], axes: tuple[str, ...]) -> None:
+    """Check that arrays are numeric, and that their dimensions are `axes` in any order.
+
+    Raises
+    ------
+    InputError : an array fails the check; the message names the first one that does.
+    """
+    for name in names:
+        array = found[name]
+        if sorted(map(str, array.dims)) != sorted(axes):
+            raise InputError(f"{file}: {name} has the dimensions {array.dims}, needs {axes}")
+        if array.dtype.kind not in "fiu":
+            raise InputError(f"{file}: {name} is of the type {array.dtype}, needs numbers")
 
 
 class WholeReads(io.FileIO):
