@@ -10,7 +10,6 @@ import numpy as np
 from design.fields.finding import error, warning
 from design.preset import preset
 from optopad.report.words import bounds_words
-from optopad.screen.stages import STAGE_TITLES
 from optopad.screen.verdict import (
     LINES,
     WIDTH,
@@ -18,14 +17,12 @@ from optopad.screen.verdict import (
     bound_lines,
     clause,
     findings_screen,
-    score_lines,
     verdict_screen,
 )
 from optopad.screen.verdict_sentences import cause_sentence, sentences_of, unit_of
 from sims.verdict.causes import Cause, Witness
 from sims.verdict.depth_curve import trace_noise_warning
 from tests.design.for_each import for_each
-from tests.optopad.plain_words import words_of
 from tests.sims.made_up_bounds import made_up_bounds
 from tests.sims.made_up_scores import contiguous_score, dead_score, out_of_scope_score
 
@@ -254,22 +251,3 @@ def test_no_line_of_bounds_has_a_number_that_is_none():
         said.append(sentences_of(PAD, replace(contiguous_score(), bounds=case)).resolution)
         said += map(str, bounds_words(replace(contiguous_score(), bounds=case)))
         assert not re.search(r"\b(nan|inf)\b", " ".join(said))
-
-
-@for_each((design, score, lack) for design, score in SCORES for lack in LACKS)
-def test_no_screen_has_a_word_of_the_list(design, score, lack):
-    shown = []
-    for is_open, bounds in ((False, None), (True, made_up_bounds(PAD))):
-        one = replace(score, is_open=is_open, bounds=bounds)
-        if one.deadbands_mm:
-            one = replace(one, causes=(cause(lack),))
-        if one.usable_depth_mm is not None:
-            one = replace(one, usable_depth_mm=4.3, usable_range_mm=(3.9, 4.6))
-        shown += [*verdict_screen(design, one, [], command="pad.toml"), *score_lines(one)]
-        shown += list(vars(sentences_of(design, one)).values())
-    assert len(shown) > 10
-    assert {line: found for line in shown if (found := words_of(line))} == {}
-
-
-def test_no_title_of_a_stage_has_a_word_of_the_list():
-    assert [title for title in STAGE_TITLES.values() if words_of(title)] == []
