@@ -12,7 +12,6 @@ import pytest
 from design.circuit.pins import board_of, frame_time_ms
 from design.parts.catalog import packaged
 from design.preset import preset
-from tests.docs.prose import COMMENT, FENCE, LINK
 from tests.validation.figures import PAGE, QUOTED, figures, page_text, quoted_anew, quoting
 from tests.validation.summaries import SUMMARIES, with_summaries
 
@@ -32,9 +31,11 @@ MADE_WHOLE = (
 """Pages of docs/validation that a command writes, text and all."""
 CHECKED = [
     ROOT / "README.md",
-    *sorted((ROOT / "docs" / "understand").glob("*.md")),
     *(page for page in sorted((ROOT / "docs" / "validation").glob("*.md")) if page.stem not in MADE_WHOLE),
 ]
+FENCE = re.compile(r"^( *)(`{3,}|:{3,})[^\n]*\n.*?^\1\2\s*$", flags=re.MULTILINE | re.DOTALL)
+COMMENT = re.compile(r"<!--.*?-->", flags=re.DOTALL)
+LINK = re.compile(r"\[([^\]]*)\]\([^)]*\)")
 MADE = re.compile(r"<!-- made by .*?<!-- end.*?-->", flags=re.DOTALL)
 UNITS = r"%|mm|µm|N|s|ms|Hz|MPa|V|GB|counts?|times|sigma|noise units|joint standard errors|core-s(?:econds)?"
 ONE = r"[-+±]*\d[\d,]*(?:\.\d+)?(?:<!--[a-z][\w.-]*-->)?"
