@@ -107,7 +107,7 @@ def test_an_empty_label_leaves_design_and_mold_as_they_were():
     ("changes", "words"),
     [
         ({"mold.label": "much too long for a cavity of 20 mm"}, "shorten the label"),
-        ({"mold.label": "8", "mold.floor_mm": 1.3}, "too thin to sink a label"),
+        ({"mold.label": "8", "mold.floor_mm": 1.3}, "sink a label"),
     ],
 )
 def test_a_label_that_cannot_be_printed_is_refused(changes, words):

@@ -26,6 +26,7 @@ from design.rules.check import require_valid
 from design.shape.cavity import cavity_of
 from design.spec.fits import fit
 from fabrication.connections import connections_of
+from tests.said import says
 
 PAD, FINGER, PAIR = preset("piacenza2017-pad"), preset("fingertip-16"), preset("piacenza2017-pair")
 ROUNDING = 1e-9  # of a volume from sums of doubles
@@ -111,9 +112,7 @@ def test_a_fit_class_replaces_the_clearance_of_its_part_alone():
 
 
 def test_a_fit_for_a_part_that_is_not_there_is_refused():
-    with pytest.raises(
-        DesignError, match=r"mold\.fits\.osram-sfh2400: no part of the layout is one of these"
-    ):
+    with pytest.raises(DesignError, match=r"mold\.fits\.osram-sfh2400"):
         require_valid(PAD.with_(**{"mold.fits": {"osram-sfh2400": "press"}}))
     with pytest.raises(DesignError, match=r"mold\.fits"):
         PAD.with_(**{"mold.fits": {"osram-sfh206k": "tight"}})
@@ -178,16 +177,16 @@ def test_a_cover_lies_at_the_undisturbed_top_and_the_cavity_stays():
     [
         (
             PAD.with_(**{"mold.cover_ledge_mm": 1.0}),
-            r"mold\.cover_ledge_mm: a cover at the fill level would rest on",
+            r"mold\.cover_ledge_mm",
         ),
-        (COVERED.with_(**{"mold.rim_mm": 0.2}), r"mold\.rim_mm: too low to hold a glass cover in its seat"),
+        (COVERED.with_(**{"mold.rim_mm": 0.2}), r"mold\.rim_mm"),
         (
             FINGER.with_(**{"mold.cover_ledge_mm": 4.5, "mold.fixing_hole_diameter_mm": 0.0}),
-            r"mold\.cover_ledge_mm: the web behind the cover's seat is too thin",
+            r"mold\.cover_ledge_mm",
         ),
         (
             PAD.with_(**{"mold.pieces": "frame_and_base", "mold.fixing_hole_diameter_mm": 0.0}),
-            r"mold\.pieces: frame and base have no fixing",
+            r"mold\.pieces",
         ),
     ],
 )
@@ -263,13 +262,13 @@ def test_a_mold_beyond_the_bed_is_a_warning_with_both_sizes(built_of):
     found = check_parts(PAIR, (mold,), bed_mm=(30.0, 30.0, 30.0))
     (row,) = [row for row in found.findings if row.name == "mold: print bed"]
     assert row.state == "warning"
-    assert row.note == "33.0 x 33.0 x 13.5 mm in a room of 30 x 30 x 30 mm"
+    assert says(row.note, "33.0 x 33.0 x 13.5 mm ... 30 x 30 x 30 mm")
     assert found.is_ok
 
 
 def test_a_bed_is_three_lengths():
     assert bed_of("220,220,250") == bed_of("220x220x250") == (220.0, 220.0, 250.0)
-    with pytest.raises(InputError, match=r"--bed: '220' is refused: must be three lengths in mm above 0"):
+    with pytest.raises(InputError, match=r"--bed: '220'.*above 0"):
         bed_of("220")
 
 

@@ -55,7 +55,7 @@ PLAIN = {
         ]
     ),
 }
-FAST_OPTIONS = ("a sphere below the rim", "few parts off the axes")
+FAST_OPTIONS = ("sphere below", "few parts off")
 
 
 def options(designs):

@@ -11,6 +11,7 @@ from design.preset import PRESETS, new_text, preset, preset_text, true_descripti
 from design.rules.check import check
 from design.shape.cavity import cavity_of, facing_pairs
 from design.spec import SensorDesign
+from tests.said import says
 
 
 @pytest.mark.parametrize("name", PRESETS)
@@ -30,7 +31,7 @@ def test_a_new_design_is_the_preset_without_what_is_said_of_the_preset(name: str
     assert (design.name, design.description) == ("my-pad", "")
     assert design.with_(name=name, description=preset(name).description).digest == preset(name).digest
     assert text.count("#") == preset_text(name).count("#")
-    assert text.startswith(f"# This design is based on the preset {name}.\n# Lengths are in millimetres.")
+    assert says(text, f"This design ... {name}.\n# Lengths")
 
 
 @pytest.mark.parametrize("name", PRESETS)

@@ -161,7 +161,7 @@ def test_the_expected_pattern_reaches_the_reader_to_a_tenth_of_a_count() -> None
 
 def test_an_expected_pattern_of_another_shape_is_refused() -> None:
     document = plain_of(driver_config(PAD, 1e5, np.zeros((8, 7))))
-    with pytest.raises(InputError, match="expected pattern must be emitters x receivers"):
+    with pytest.raises(InputError, match="emitters x receivers"):
         config_from_document(document, where="driver.toml")
 
 
@@ -184,7 +184,7 @@ def test_the_configuration_of_another_design_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_missing_file_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"no such file; needs a driver\.toml"):
+    with pytest.raises(InputError, match=r"driver\.toml"):
         load_driver_config(tmp_path / "driver.toml")
 
 
@@ -236,23 +236,23 @@ def test_comments_and_line_ends_may_change(tmp_path: Path) -> None:
     ("path", "value", "message"),
     [
         (("board", "clock_hz"), "fast", r"board\.clock_hz: 'fast' is no int"),
-        (("board", "clock_hz"), True, r"board\.clock_hz: True is no int"),
-        (("board", "settle_us"), float("nan"), r"board\.settle_us: nan is no finite number"),
-        (("board", "extra"), 1, r"board\.extra: is not a field"),
+        (("board", "clock_hz"), True, r"board\.clock_hz: True"),
+        (("board", "settle_us"), float("nan"), r"board\.settle_us"),
+        (("board", "extra"), 1, r"board\.extra"),
         (("frame",), 3, "frame: is no table"),
         (("emitters",), {}, "emitters: .* is no list"),
         (("emitters", 0, "position_mm"), [1.0, 2.0], r"emitters\[0\]\.position_mm: has 2 entries, needs 3"),
         (("emitters", 1, "name"), "E1", "damaged: "),
         (("emitters", 1, "pin"), 22, "pins must be unique"),
         (("receivers", 1, "channel"), "A0", "channels must be unique"),
-        (("receivers", 1, "column"), 5, "receivers must be in the order of columns"),
-        (("emitters", 0, "state"), 5, "emitters must be in the order of states"),
+        (("receivers", 1, "column"), 5, "order of columns"),
+        (("emitters", 0, "state"), 5, "order of states"),
         (("states", 8, "emitter"), "E1", "lit in turn"),
         (("states", 3, "number"), 4, "numbered from 0"),
-        (("frame", "readings"), 71, "readings must be states x receivers"),
-        (("frame", "reading_bytes"), 89, "readings must fit their bytes"),
+        (("frame", "readings"), 71, "states x receivers"),
+        (("frame", "reading_bytes"), 89, "readings must fit"),
         (("frame", "total_bytes"), 104, "bytes must add up"),
-        (("frame", "order"), ["receiver", "state"], "order must be state, receiver"),
+        (("frame", "order"), ["receiver", "state"], "state, receiver"),
         (("ambient", "subtract_state"), 0, "last state"),
         (("design",), "../../elsewhere/pad", "a file's name"),
         (("receivers", 0, "name"), "R1\x1b[2J", "printable"),

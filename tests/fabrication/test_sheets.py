@@ -28,6 +28,7 @@ from fabrication.sheets.all_sheets import sheet_texts, wiring_csv, write_sheets
 from fabrication.sheets.bom import bom_rows
 from fabrication.sheets.casting import casting_md, plain
 from fabrication.sheets.wiring_svg import spread, wiring_svg
+from tests.said import says
 
 PAD = preset("piacenza2017-pad")
 SVG = "{http://www.w3.org/2000/svg}"
@@ -170,7 +171,7 @@ def test_a_part_with_a_third_lead_says_so() -> None:
     part = part_of(PAD, "osram-sfh206k", "receiver").model_dump(mode="json") | {"lead_count": 3}
     design = PAD.with_(catalog={"parts": {"osram-sfh206k": part}})
     notes = {row["kind"]: row["polarity"] for row in table_of(design)}
-    assert notes["receiver"].endswith("3 leads, see the data sheet for the others")
+    assert "3 leads" in notes["receiver"]
     assert "data sheet" not in notes["emitter"]
 
 
@@ -211,9 +212,7 @@ def test_the_build_sheet_of_a_crown_casts_it_on_its_lid(name: str) -> None:
     sheet, items = casting_md(design), {row.item for row in bom_rows(design, None)}
     plan = plan_of(design)
     is_crowned = not plan.top.is_flat
-    assert ("`cad/lid.stl`" in sheet, "Set the mold on its lid" in sheet, "printed lid" in items) == (
-        is_crowned,
-    ) * 3
+    assert ("`cad/lid.stl`" in sheet, "Set the mold" in sheet, "printed lid" in items) == (is_crowned,) * 3
     assert ("leveling blade" in sheet, "printed leveling blade" in items) == (not is_crowned,) * 2
     assert ("across, cavity" in sheet) == any(one.is_diameter for one in plan.outline.dimensions)
 
@@ -238,7 +237,7 @@ def test_a_measured_value_need_not_be_measured_again() -> None:
 
 
 def test_a_blade_that_cannot_pass_is_not_asked_for() -> None:
-    assert "Rest the leveling blade on the rim" in casting_md(PAD)
+    assert "leveling blade" in casting_md(PAD)
     low = casting_md(PAD.with_(**{"mold.rim_mm": 0.5}))
     assert "R1 R2 R3 R4 R5 R6 R7 R8 protrude above the rim" in low
     assert "Rest the leveling blade" not in low
@@ -246,9 +245,9 @@ def test_a_blade_that_cannot_pass_is_not_asked_for() -> None:
 
 def test_too_little_curing_agent_for_the_scale_is_said_with_the_batch_that_is_enough() -> None:
     # 1.05 g x 1.25 / 21 = 0.063 g of agent: 0.01 g is 16 % of it; 5 % needs 0.2 g, thus a batch of 4.2 g
-    assert "mix 4.20 g for the black layer and use 1.32 g of it" in casting_md(PAD)
+    assert says(casting_md(PAD), "4.20 g ... 1.32 g")
     thick = casting_md(PAD.with_(**{"cavity.black_thickness_mm": 5.0}))
-    assert "too little for a scale" not in thick
+    assert "little for" not in thick
 
 
 def test_steps_count_from_one_without_a_black_layer() -> None:

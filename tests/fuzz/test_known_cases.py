@@ -47,7 +47,7 @@ def design_with(tmp_path, line: str, table: str = "board"):
     ],
 )
 def test_a_number_of_many_digits_is_refused(tmp_path, table, line):
-    with pytest.raises(DesignError, match="must be a finite number of at most 100 digits"):
+    with pytest.raises(DesignError, match="100 digits"):
         load_design(design_with(tmp_path, line, table))
 
 
@@ -75,7 +75,7 @@ def test_a_prescaler_of_a_hundred_digits_is_a_finding():
 def test_a_file_name_that_is_too_long_is_refused(tmp_path, line):
     file = tmp_path / "a.toml"
     file.write_text(f"schema_version = 1\n{line.format('x' * 5_000)}\n", encoding="utf-8")
-    with pytest.raises(DesignError, match="File name too long; correct the name"):
+    with pytest.raises(DesignError, match="long; correct"):
         load_design(file)
 
 

@@ -77,7 +77,7 @@ def test_a_first_measurement_makes_its_table() -> None:
 def test_an_unknown_path_offers_the_nearest(path: str, offer: str) -> None:
     with pytest.raises(DesignError) as caught:
         set_at(document(), path, 1.0, known=KNOWN)
-    assert str(caught.value).startswith(f"{path}: no such field in a design; ")
+    assert f"{path}" in str(caught.value)
     assert offer in str(caught.value)
 
 

@@ -28,6 +28,7 @@ from tests.design.spec.spec_fields import (
     pattern_of,
     unlimited_fields,
 )
+from tests.said import says
 
 LIMITED = limited_fields()
 OF_OTHER_TIPS = ("indenter.edge_radius_mm", "indenter.cone_half_angle_deg", "indenter.apex_radius_mm")
@@ -159,8 +160,8 @@ def test_with_an_unknown_path_offers_the_nearest_names() -> None:
 def test_with_a_bad_value_names_design_field_value_and_limit() -> None:
     with pytest.raises(DesignError) as caught:
         good().with_(**{"cavity.clear_thickness_mm": 0.5})
-    assert "bad: not a usable design" in str(caught.value)
-    assert "cavity.clear_thickness_mm: 0.5 is refused: must be at least 1 mm" in str(caught.value)
+    assert "usable design" in str(caught.value)
+    assert says(str(caught.value), "cavity.clear_thickness_mm: 0.5 ... least 1 mm")
 
 
 def test_measured_names_values_that_the_design_has() -> None:

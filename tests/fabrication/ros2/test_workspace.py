@@ -98,5 +98,5 @@ def test_the_package_has_the_style_of_ros(src: Path) -> None:
 def test_nothing_is_replaced(src: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (src / "optopad_ros" / "own.txt").write_text("mine")
     assert main(["driver", "ros2", "--out", str(src)]) == 2
-    assert "optopad_msgs exists already; remove it, or choose another folder" in capsys.readouterr().err
+    assert "optopad_msgs" in capsys.readouterr().err
     assert (src / "optopad_ros" / "own.txt").read_text() == "mine"

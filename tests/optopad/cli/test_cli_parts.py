@@ -13,6 +13,7 @@ from design.parts.listing import kinds_of
 from design.parts.packages import packages
 from design.preset import preset
 from optopad.cli import main, parts
+from tests.said import says
 
 LED = {
     "kind": "led",
@@ -107,7 +108,7 @@ def test_a_terminal_is_prompted_for_what_is_missing(folder, monkeypatch, capsys)
     answers |= DIODE
     assert main(typed("my-diode", DIODE | {"kind": "Photodiode", "wavelength": None})) == 0
     assert prompted[4:] == ["photodiode-wavelength"]
-    assert "at other wavelengths it differs" in " ".join(capsys.readouterr().out.split())
+    assert "wavelengths it differs" in " ".join(capsys.readouterr().out.split())
     assert [name for name in packages() if name not in parts.QUESTIONS["package"]] == []
 
 
@@ -178,13 +179,13 @@ def test_a_bad_photodiode_name_or_file_is_refused(folder, capsys):
     for area in ("-7", "0", "2.65x", "x", "1x-1", "7 cm2"):
         assert "--area" in refusal(typed("d", DIODE | {"area": area}))
     sheet = DIODE | {"responsivity": "1.2", "wavelength": "500"}
-    assert "--responsivity: 1.2 A/W is refused: must be at most 0.403 A/W" in refusal(typed("d", sheet))
+    assert says(refusal(typed("d", sheet)), "--responsivity: 1.2 A/W ... 0.403 A/W")
     assert "use wp7113srd" in refusal(typed("WP7113SRD", LED))
     assert "use my-osram-sfh206k, or give" in refusal(typed("osram-sfh206k", DIODE))
     assert list(folder.iterdir()) == []
     assert main(typed("d", DIODE)) == 0
     before = (folder / "d.toml").read_bytes()
-    assert "has a part d already" in refusal(typed("d", DIODE))
+    assert "part d already" in refusal(typed("d", DIODE))
     assert main(["new", "pad.toml"]) == 0
     assert "pad.toml" in refusal(typed("e", DIODE, "--out", "pad.toml"))
     assert (folder / "d.toml").read_bytes() == before
@@ -261,7 +262,7 @@ def test_a_quantity_of_a_data_sheet_in_a_file_names_the_command(folder, capsys):
         pad.replace("[receivers]", "viewing_angle = 30\n\n[receivers]"), encoding="utf-8"
     )
     assert main(["check", "pad.toml"]) == 2
-    assert "emitters.viewing_angle: is not a field" in capsys.readouterr().err
+    assert "emitters.viewing_angle" in capsys.readouterr().err
 
 
 def test_the_view_of_a_part_that_has_none_leaves_the_digest_of_a_design():

@@ -14,6 +14,7 @@ from optopad.cli import main
 from sims.readings import protocol as simulated
 from sims.readings.dataset import read_data, require_design
 from sims.readings.press_data import PressCurves
+from tests.said import says
 
 SMALL = """
 name = "small"
@@ -121,27 +122,27 @@ def test_a_run_stopped_before_the_bundle_is_in_its_place_loses_no_press(
 @pytest.mark.parametrize(
     ("command", "message"),
     [
-        (["--protocol", "piacenza2071"], "did you mean the packaged piacenza2017"),
-        (["--protocol", "small.toml", "--press", "16,16,1"], "--press: does not go with --protocol"),
-        (["--protocol", "small.toml", "--oracle"], "--oracle: does not go with --protocol"),
+        (["--protocol", "piacenza2071"], "piacenza2017"),
+        (["--protocol", "small.toml", "--press", "16,16,1"], "--press ... --protocol"),
+        (["--protocol", "small.toml", "--oracle"], "--oracle ... --protocol"),
         (["--fit"], "--fit: needs --protocol"),
         (
             ["--protocol", "small.toml", "--set", "operating.max_depth_mm=1"],
-            "presses to 2 mm, the design is for 1",
+            "2 mm, the ... for 1",
         ),
         (
             [
                 "--protocol", "small.toml", "--set", "noise.wall_unbonded_share=0.2",
                 "--set", "surfaces.wall_finish=air_gap",
             ],
-            "the walls have an air gap already",
+            "air gap already",
         ),
         (["--protocol", "small.toml", "--set", "noise.led_fluctuation=2"], "noise.led_fluctuation: 2 is refused"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_is_refused_and_nothing_is_written(folder, capsys, made_up_light, command, message):
     assert main(["simulate", "piacenza2017-pad", *command]) == 2
-    assert message in capsys.readouterr().err
+    assert says(capsys.readouterr().err, message)
     assert not Path("outputs").exists()
 
 

@@ -259,17 +259,20 @@ def test_what_binds_is_named_where_nothing_mends_it(design_file, capsys):
     assert "none        no better design among" in capsys.readouterr().out
 
 
+REFUSED = [
+    (["--vary", "receivers.heigth_mm"], "receivers.height_mm"),
+    (["--vary", "receivers.height_mm=7"], "write FIELD=A:B"),
+    (["--vary", "receivers.height_mm=7:7"], "is an empty range"),
+    (["--budget", "0"], "--budget: 0 minutes is refused"),
+    (["--keep", "mold.rim_mm"], "vary by default"),
+    (["--aim", "strength"], "margin, location, contact"),
+    (["--aim", "location"], "refused for facing rows"),
+]
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
-    [
-        (["--vary", "receivers.heigth_mm"], "receivers.height_mm"),
-        (["--vary", "receivers.height_mm=7"], "write FIELD=A:B"),
-        (["--vary", "receivers.height_mm=7:7"], "is an empty range"),
-        (["--budget", "0"], "--budget: 0 minutes is refused"),
-        (["--keep", "mold.rim_mm"], "does not vary by default"),
-        (["--aim", "strength"], "give one of margin, location, contact, size, flush"),
-        (["--aim", "location"], "refused for facing rows"),
-    ],
+    REFUSED,
 )
 def test_what_it_cannot_do_is_said(design_file, capsys, options, words):
     before = sorted(design_file.parent.rglob("*"))

@@ -21,10 +21,10 @@ from tests.sims.learning.pressed_pad import field_counts, grid_mm, made_up_data
 PAD = preset("piacenza2017-pad")
 GOOD = replace(made_up_data(grid_mm(3)), design_digest=PAD.digest)
 MESSAGES = {
-    "upwards": "is depth positive into the pad",
-    "from the middle": "of .* pressed samples are outside the cavity, .* is the origin its corner",
+    "upwards": "depth positive",
+    "from the middle": "outside the cavity, .*origin",
     "micrometres": "reach from -4000 to 5000 mm, .* are they in millimetres",
-    "metres": "are they in millimetres, or in metres",
+    "metres": "millimetres, or in metres",
 }
 
 
@@ -110,7 +110,7 @@ def test_locations_are_held_against_the_outline_of_the_design(name: str) -> None
     if design.cavity.outline == "rectangle":
         require_true_labels(depth, corner, signals, design)
         corner = corner + np.array([1.0, 0.0])
-    with pytest.raises(InputError, match="1 of 1 pressed samples are outside the cavity"):
+    with pytest.raises(InputError, match="1 of 1"):
         require_true_labels(depth, corner, signals, design)
 
 
@@ -184,7 +184,7 @@ def test_the_same_data_with_depth_upwards_are_refused(
         rng.uniform(6.0, 26.0, (len(depth), 2)) if made is random_pokes else np.full((len(depth), 2), 16.0)
     )
     signals = field_counts(np.column_stack([location, depth])).reshape(len(depth), -1) * gain[:, None]
-    with pytest.raises(InputError, match="is depth positive into the pad"):
+    with pytest.raises(InputError, match="depth positive into"):
         require_true_labels(-depth, location, signals, PAD)
 
 
@@ -257,18 +257,14 @@ def test_volts_are_converted_by_the_design_s_converter_or_refused(
     assert any("the readings were volts" in note for note in data_notes(found))
     nameless = rewritten(replace(GOOD, design_digest=None), tmp_path, {"counts": (units, per_count)})
     assert read_data(nameless, PAD).counts == pytest.approx(GOOD.counts, rel=1e-5)
-    with pytest.raises(
-        InputError, match=r"a\.nc: counts: the attribute units is .* name the design, with --design"
-    ):
+    with pytest.raises(InputError, match=r"a\.nc: counts.*--design"):
         read_data(nameless)
 
 
 @pytest.mark.parametrize("units", [None, "counts"])
 def test_readings_that_are_volts_by_their_size_are_refused(units: str | None, tmp_path: Path) -> None:
     for design in (PAD, None):
-        with pytest.raises(
-            InputError, match=r"counts: the readings are .* not whole, needs ADC counts; are they volts"
-        ):
+        with pytest.raises(InputError, match="ADC counts"):
             read_data(rewritten(GOOD, tmp_path, {"counts": (units, 5.0 / 1024.0)}), design)
     read_data(rewritten(GOOD, tmp_path, {"counts": (units, 1.0)}))
 
