@@ -61,7 +61,13 @@ PLACES = {
 }
 
 
-@pytest.mark.parametrize("dialect", PLACES)
+@pytest.mark.parametrize(
+    "dialect",
+    [
+        pytest.param(name, marks=pytest.mark.slow) if number > 1 else name
+        for number, name in enumerate(PLACES)
+    ],
+)
 def test_each_dialect_s_position_is_read_and_a_tip_that_stopped_short_is_noticed(dialect: str) -> None:
     """The tip starts where no firmware's digits end, and goes to depths between the tenths."""
     start = (16.04, 15.97, 0.03)

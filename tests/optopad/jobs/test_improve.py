@@ -74,6 +74,7 @@ def improved(file: Path, capsys: pytest.CaptureFixture[str], *options: str) -> d
     return json.loads(capsys.readouterr().out)
 
 
+@pytest.mark.slow
 def test_alternatives_are_files_with_comments_that_load_as_judged(design_file, found):
     said = found
     assert said["before"]["verdict"] == "DEADBAND"
@@ -214,6 +215,7 @@ def test_what_comes_nearest_is_told_with_the_verdict_of_a_score(design_file, cap
     assert "\N{HORIZONTAL ELLIPSIS}" not in text
 
 
+@pytest.mark.slow
 def test_the_page_shows_before_and_after_side_by_side(design_file, found):
     said = found
     text = (Path(said["folder"]) / "report.html").read_text()
@@ -238,6 +240,7 @@ def test_from_python_it_gives_designs(design_file, tmp_path, found):
     assert found.page.is_file()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("found")
 def test_the_screen_names_what_changes_and_the_next_command(design_file, capsys):
     assert main(["improve", str(design_file), "--budget", "0.5"]) == 0

@@ -295,6 +295,7 @@ ODD: tuple[Any, ...] = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", KINDS)
 def test_whatever_a_field_holds_there_is_no_traceback(page: Page, name: str, said: Said) -> None:
     right = rightly(page)[name] | {"type": name}

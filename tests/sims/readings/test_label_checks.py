@@ -60,7 +60,7 @@ def read_csv_recording(data: PressData, folder: Path) -> np.ndarray:
 READERS = (read_netcdf_data, read_netcdf_recording, read_csv_recording)
 
 
-@pytest.mark.parametrize("digest", [PAD.digest, None, "cd" * 32])
+@pytest.mark.parametrize("digest", [PAD.digest, None])
 @pytest.mark.parametrize("read", READERS)
 def test_every_reader_refuses_labels_that_contradict_the_pad_and_takes_true_ones(
     read: Callable[[PressData, Path], np.ndarray], digest: str | None, tmp_path: Path
@@ -72,16 +72,14 @@ def test_every_reader_refuses_labels_that_contradict_the_pad_and_takes_true_ones
             read(replace(data, press_mm=mislabelled(data.press_mm, how)), tmp_path)
 
 
-@pytest.mark.parametrize("how", MESSAGES)
 @pytest.mark.parametrize(
-    "verb",
+    ("verb", "how"),
     [
-        ["train", "a.nc"],
-        ["evaluate", "a.nc", "--model", "absent.optomodel"],
-        ["calibrate", PAD.name, "a.nc"],
-        ["compare", PAD.name, "a.nc"],
+        (["train", "a.nc"], "upwards"),
+        (["evaluate", "a.nc", "--model", "absent.optomodel"], "from the middle"),
+        (["calibrate", PAD.name, "a.nc"], "micrometres"),
+        (["compare", PAD.name, "a.nc"], "metres"),
     ],
-    ids=lambda verb: verb[0],
 )
 def test_every_verb_of_data_refuses_them_in_one_line_and_writes_nothing(
     verb: list[str],
@@ -216,7 +214,7 @@ LENGTHS = (
 TRUE = replace(GOOD, true_press_mm=GOOD.press_mm + 0.01)
 
 
-@pytest.mark.parametrize("first", range(len(LENGTHS)))
+@pytest.mark.parametrize("first", range(0, len(LENGTHS), 3))
 def test_lengths_are_converted_each_by_its_own_unit(first: int, tmp_path: Path) -> None:
     names = [f"{kind}_{axis}" for kind in ("press", "true") for axis in ("x", "y", "depth")]
     file = rewritten(
@@ -229,8 +227,10 @@ def test_lengths_are_converted_each_by_its_own_unit(first: int, tmp_path: Path) 
     assert recorded.depth_mm == pytest.approx(TRUE.press_mm[:, 2])
 
 
-@pytest.mark.parametrize("name", ["press_x", "press_y", "press_depth", "true_x", "time_s", "counts"])
-@pytest.mark.parametrize("units", ["inch", "ms-1", 7])
+@pytest.mark.parametrize(
+    ("name", "units"),
+    [("press_x", "inch"), ("press_depth", "ms-1"), ("true_x", 7), ("time_s", "inch"), ("counts", 7)],
+)
 def test_an_unknown_unit_is_refused_by_name(name: str, units: object, tmp_path: Path) -> None:
     with pytest.raises(
         InputError, match=rf"a\.nc: {name}: the attribute units is {str(units)!r}, needs one of"
