@@ -111,14 +111,6 @@ def test_no_reviewed_number_is_left_over() -> None:
     assert {page: left for page, found in reviewed().items() if (left := found - there[page])} == {}
 
 
-def test_a_number_typed_by_hand_is_found_and_a_quoted_one_is_not() -> None:
-    text = "An error of 0.5<!--a.b--> to 0.7<!--a.c--> % and 3 µm,\nand `4 mm`, 5 pairs, 1<!--a.b--> or 2 N."
-    assert typed_by_hand(text) == ["3 µm", "1 or 2 N"]
-    assert quoted_anew("0.5<!--a.b--> %", {"a.b": "0.6"}) == "0.6<!--a.b--> %"
-    assert quoted_anew("+0.5<!--a.b--> %", {"a.b": "0.6"}) == "+0.6<!--a.b--> %"
-    assert quoted_anew("+0.5<!--a.b--> %", {"a.b": "-0.6"}) == "-0.6<!--a.b--> %"
-
-
 def test_frame_rates_are_those_of_the_timing_model() -> None:
     page = (ROOT / "docs" / "how-to" / "on-a-gripper.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| (\d+) \+ (\d+) \| (\d+) \| (\d+) \|", page, flags=re.MULTILINE)
