@@ -8,9 +8,8 @@ import pytest
 
 from design.preset import preset
 from optopad.screen.verdict import verdict_screen
-from optopad.screen.verdict_sentences import fix_words, no_fix_words, sentences_of, tool_words
+from optopad.screen.verdict_sentences import fix_words, sentences_of, tool_words
 from sims.verdict.trial import Move, Trial, TriedMove
-from tests.said import says
 from tests.sims.made_up_scores import dead_score
 
 PAD = preset("piacenza2017-pad")
@@ -30,29 +29,6 @@ FOUND = Trial(
     farthest_mm=0.9,
     more_parts_tried=False,
 )
-NONE = replace(
-    FOUND, found="none", moves=(), verdict=None, margin=None, usable_mm=None, more_parts_tried=True
-)
-
-
-def test_a_fix_names_the_components_the_move_and_the_traced_verdict():
-    assert fix_words(FOUND) == (
-        "receivers R1-R8 from 6 to 5.1 mm: CONTIGUOUS to 5 mm, margin 6.2 sigma (traced: all 25 locations, "
-        "coarse light)"
-    )
-    assert no_fix_words(FOUND) == ""
-
-
-def test_too_few_components_is_said_with_the_number_that_helps():
-    more = replace(FOUND, found="more parts", moves=(MORE,))
-    assert says(fix_words(more), "5 instead ... 4: CONTIGUOUS")
-    assert says(no_fix_words(more), "1 move ... 0.9 mm ... 4.5 sigma")
-
-
-def test_where_nothing_helps_it_says_what_was_tried():
-    assert fix_words(NONE) == fix_words(None) == no_fix_words(None) == ""
-    assert "4.5 sigma" in no_fix_words(NONE)
-    assert "reaches deeper" in no_fix_words(replace(NONE, kind="fade"))
 
 
 def test_the_next_command_makes_the_move_that_helps():

@@ -15,13 +15,11 @@ from optopad.screen.verdict import (
     WIDTH,
     as_typed,
     bound_lines,
-    clause,
     findings_screen,
     verdict_screen,
 )
-from optopad.screen.verdict_sentences import cause_sentence, sentences_of, unit_of
+from optopad.screen.verdict_sentences import sentences_of
 from sims.verdict.causes import Cause, Witness
-from sims.verdict.depth_curve import trace_noise_warning
 from tests.design.for_each import for_each
 from tests.said import says
 from tests.sims.made_up_bounds import made_up_bounds
@@ -95,21 +93,6 @@ def test_the_errors_of_a_learner_are_below_the_bound_of_a_pad_and_of_nothing_els
             assert f"learner     {words}" in lines
 
 
-def test_the_mechanism_is_named_with_what_is_missing():
-    said = {lack: cause_sentence(cause(lack)) for lack in LACKS}
-    assert says(said["apart"], "E1-R5 (mode ... 1) is ... 1.12 mm ... mode 2")
-    assert not any("too low" in words or "too high" in words for words in said.values())
-    assert [said[lack].split(":")[0] for lack in LACKS] == [
-        "the modes are too far apart",
-        "the signal no longer changes",
-        "clipped",
-        "too little light",
-        "the modes cancel",
-        "too little change",
-        "no pair near",
-    ]
-
-
 def test_it_says_which_value_to_measure_and_how_well():
     # margin 4.1 at 2.0 mm and 1.0 at 1.0 mm: 3 is met (4.1 - 3) / 3.1 of the way, 0.35 mm from the design's value
     assert says(
@@ -123,12 +106,6 @@ def test_it_says_which_value_to_measure_and_how_well():
     assert says(
         sentences_of(PAD, replace(contiguous_score(), tolerance=more)).confidence,
         "9 unmeasured ... 1 parameter",
-    )
-
-
-def test_an_undecided_verdict_asks_for_finer_light():
-    assert (
-        "undecided: the numerical" in sentences_of(PAD, replace(contiguous_score(), is_open=True)).confidence
     )
 
 
@@ -150,12 +127,6 @@ def test_the_next_command_follows_the_verdict():
     assert f"{typed}" in next_of(apart)
 
 
-def test_lengths_have_their_unit():
-    assert unit_of("receivers.height_mm") == " mm"
-    assert unit_of("elastomer.absorption_db_per_cm") == " dB/cm"
-    assert unit_of("surfaces.wall_reflectance") == ""
-
-
 def test_findings_fit_on_one_screen_errors_first():
     long = {"value": "9 mm", "limit": "at most 8 mm", "way_out": "lower the part " * 12}
     found = [warning("mold.rim_mm", "a warning", **long)] * 9 + [
@@ -175,12 +146,6 @@ def test_findings_fit_on_one_screen_errors_first():
     ]
 
 
-def test_an_undecided_verdict_of_facing_rows_names_the_pair():
-    score = replace(dead_score(PAIR), is_open=True, verdict="CONTIGUOUS")
-    doubtful = next(pair.name for pair in score.pairs if pair.score.possible_deadbands_mm)
-    assert says(sentences_of(PAIR, score).confidence, f"{doubtful} ... --fine")
-
-
 def test_the_screen_says_what_share_is_not_resolved():
     bounds = made_up_bounds(PAD)
     score = replace(contiguous_score(), bounds=bounds)
@@ -195,32 +160,6 @@ def test_the_screen_says_what_share_is_not_resolved():
     assert "100 % of" in words
     resolved = replace(bounds, location_mm=np.where(np.isinf(bounds.location_mm), 0.1, bounds.location_mm))
     assert "not resolved" not in sentences_of(PAD, replace(score, bounds=resolved)).resolution
-
-
-def test_warnings_are_shown_in_the_scores_order_each_with_its_consequence():
-    texts = (
-        "board.settle_us: the amplifiers of R1 do not settle, so readings lag behind the light (5 us; needs 9 us)",
-        "4 of 16 pairs clip with a target of 1200 counts, which costs the resolution near the surface (E1-R1)",
-        trace_noise_warning(0.66),
-    )
-    score = replace(contiguous_score(), warnings=(*texts, *(f"another warning {n}" for n in range(20))))
-    shown = re.sub(r"\s+", " ", " ".join(verdict_screen(PAD, score, [])))
-    short = [clause(text) for text in texts]
-    assert "R1 do not" in short[0]
-    assert clause("walls stiffen the pad by 4 % at the corner (6, 6) mm (a; b)").endswith("corner (6, 6) mm")
-    assert says(short[2], "0.66 sigma ... --fine")
-    assert "; ".join(short[:2]) in shown
-    assert short[2] not in shown  # the verdict of a pad is free of it, and another one is not
-    assert short[2] in re.sub(
-        r"\s+", " ", " ".join(verdict_screen(PAIR, replace(dead_score(PAIR), warnings=texts), []))
-    )
-    assert not re.search("\N{HORIZONTAL ELLIPSIS}", shown)
-
-
-def test_facing_rows_print_their_margin_and_the_cause_of_the_pair_that_the_verdict_names():
-    score = replace(contiguous_score(PAIR), margin=4.2)
-    assert "3 sigma" in sentences_of(PAIR, score).margin
-    assert sentences_of(PAIR, dead_score(PAIR)).margin == ""
 
 
 def test_no_line_of_bounds_has_a_number_that_is_none():
