@@ -89,6 +89,7 @@ def waited(live: LiveSensor, is_so: Callable[[LiveView], bool], seconds: float =
     pytest.fail(f"not so within {seconds:g} s: {view}")
 
 
+@pytest.mark.slow
 def test_the_simulated_board_is_read_without_a_loss_and_leaves_no_process_and_no_thread(
     bundles: Path,
 ) -> None:
@@ -232,16 +233,6 @@ def test_a_sensor_silent_for_long_is_opened_anew_and_what_was_counted_stays(
     assert back.reconnects == 1
 
 
-def test_closing_does_not_wait_for_a_simulated_board_that_is_not_ready(tmp_path: Path) -> None:
-    live = sensor("fake", tmp_path)
-    live.start()
-    time.sleep(0.3)
-    begun_s = time.monotonic()
-    live.close()
-    assert time.monotonic() - begun_s < 2.0
-    assert "optopad live" not in [thread.name for thread in threading.enumerate()]
-
-
 def test_a_simulated_board_that_does_not_start_says_why(
     bundles: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -314,29 +305,3 @@ def test_a_model_that_does_not_fit_is_refused_before_a_port_is_opened(
     with pytest.raises(InputError, match=told) as caught:
         sensor("nowhere", bundles, file)
     assert str(file) in str(caught.value)
-
-
-def test_a_frame_of_the_queue_that_was_dropped_is_missed(
-    bundles: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with FakePort(board()) as port, sensor(port.name, bundles) as live:
-        live.start()
-        waited(live, lambda view: view.normalised is not None)
-        monkeypatch.setattr("fabrication.driver.stream.QUEUE_FRAMES", 0)
-        time.sleep(0.1)
-        monkeypatch.undo()
-        view = waited(live, lambda view: view.view_lost > 0)
-    assert view.lost == 0
-
-
-def test_a_fault_of_our_own_is_told(bundles: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    raised: list[type[BaseException] | None] = []
-    monkeypatch.setattr(threading, "excepthook", lambda args: raised.append(args.exc_type))
-    with FakePort(board()) as port, sensor(port.name, bundles) as live:
-        live.start()
-        waited(live, lambda view: view.is_reading)
-        monkeypatch.setattr(live, "_snapshot", lambda *_: 1 / 0)
-        view = waited(live, lambda view: not view.is_reading)
-    assert "ZeroDivisionError" in view.status
-    assert "optopad's own failure" in view.status
-    assert raised == [ZeroDivisionError]

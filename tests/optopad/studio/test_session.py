@@ -7,13 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from design.errors import InputError
 from design.preset import preset, preset_text
 from design.rules.check import check
 from design.shape.cavity import workspace_of
 from optopad.studio import session as session_module
 from optopad.studio.design_file import DesignFile
-from optopad.studio.moves import part_named
 from optopad.studio.session import MERGE_S, Said, Session
 from tests.said import says
 
@@ -173,39 +171,6 @@ def test_quick_edits_of_one_field_are_one_step_and_its_words_tell_both_ends(
     assert session.design.cavity.clear_thickness_mm == 8.4
 
 
-def test_edits_of_two_fields_or_far_apart_or_after_undo_are_steps_of_their_own(
-    session: Session, clock: Clock
-) -> None:
-    session.set_field(CLEAR, 8.5)
-    session.set_field("receivers.height_mm", 5.9)
-    session.set_field(CLEAR, 9.0)
-    clock.now_s += 1.01 * MERGE_S
-    session.set_field(CLEAR, 9.5)
-    session.undo()
-    assert session.design.cavity.clear_thickness_mm == 9.0
-    session.set_field(CLEAR, 10.0)
-    walked = []
-    while session.can_undo:
-        walked.append((session.design.cavity.clear_thickness_mm, session.design.receivers.height_mm))
-        session.undo()
-    assert walked == [(10.0, 5.9), (9.0, 5.9), (8.5, 5.9), (8.5, 6.0)]
-
-
-def test_a_field_brought_back_at_once_is_no_step_and_the_step_before_it_is_left_alone(
-    session: Session, clock: Clock
-) -> None:
-    session.set_field(CLEAR, 9.0)
-    clock.now_s += 2 * MERGE_S
-    session.set_field(CLEAR, 9.5)
-    session.set_field(CLEAR, 9.0)
-    assert session.design.cavity.clear_thickness_mm == 9.0
-    session.set_field(CLEAR, 9.7)
-    session.undo()
-    assert session.design.cavity.clear_thickness_mm == 9.0
-    session.undo()
-    assert session.design.digest == preset(PAD).digest
-
-
 def test_a_drag_is_one_step_whose_words_name_part_and_place(session: Session, clock: Clock) -> None:
     for place in (12.2, 12.4, 12.6):
         clock.now_s += 0.03
@@ -214,39 +179,6 @@ def test_a_drag_is_one_step_whose_words_name_part_and_place(session: Session, cl
     assert session.said.text == session.now.words
     session.undo()
     assert session.design.digest == preset(PAD).digest
-
-
-def test_an_edit_to_the_value_that_is_there_is_no_step(session: Session) -> None:
-    assert session.set_field(CLEAR, 8.0)
-    assert session.set_field("layout", "alternating ring")
-    assert session.move_part("E1", along_mm=4.01)
-    session.take(preset(PAD), "the preset again")
-    assert session.can_undo is False
-    assert session.said.text == "the preset again"
-
-
-def test_the_history_keeps_its_newest_steps(
-    session: Session, clock: Clock, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(session_module, "MOST_VERSIONS", 20)
-    values = [8.0 + 0.1 * (number + 1) for number in range(25)]
-    thicknesses(session, clock, *values)
-    steps = 0
-    while session.can_undo:
-        session.undo()
-        steps += 1
-    assert steps == 19
-    assert session.design.cavity.clear_thickness_mm == values[5]
-
-
-def test_a_design_of_the_command_line_is_a_step_over_the_file_s(file: Path) -> None:
-    changed = preset(PAD).with_(**{CLEAR: 9.0})
-    session = Session(DesignFile(str(file)), changed)
-    assert session.design.digest == changed.digest
-    assert session.is_saved is False
-    session.undo()
-    assert session.is_saved is True
-    assert Session(DesignFile(str(file)), preset(PAD)).can_undo is False
 
 
 def test_pins_are_the_newest_four_designs_and_none_twice(session: Session, clock: Clock) -> None:
@@ -265,10 +197,6 @@ def test_pins_are_the_newest_four_designs_and_none_twice(session: Session, clock
     assert session.design.digest == digests[0]
     session.undo()
     assert session.design.digest == digests[-1]
-
-
-def test_the_press_begins_in_the_middle_at_two_fifths_of_the_range(session: Session) -> None:
-    assert (session.press.place_mm, session.press.depth_mm) == ((16.0, 16.0), 2.0)
 
 
 @pytest.mark.parametrize(
@@ -304,16 +232,6 @@ def test_the_press_stays_in_the_workspace_and_the_range_when_they_shrink(session
     assert workspace_of(session.design).contains(*session.press.place_mm)
 
 
-def test_the_press_stays_in_a_pad_that_has_no_workspace(session: Session) -> None:
-    session.move_tip(x_mm=26.0, y_mm=26.0)
-    session.set_field("cavity.length_mm", 10.0)
-    assert workspace_of(session.design).is_empty
-    assert session.press.place_mm == (10.0, 26.0)
-    assert session.now.errors != ()
-    session.move_tip(x_mm=50.0, y_mm=-3.0)
-    assert session.press.place_mm == (10.0, 0.0)
-
-
 def test_a_file_changed_by_an_editor_is_a_step_that_undo_takes_back(session: Session, file: Path) -> None:
     session.set_field("receivers.height_mm", 5.9)
     edited_outside(file, "clear_thickness_mm = 8.0 ", "clear_thickness_mm = 9.0 ")
@@ -326,17 +244,6 @@ def test_a_file_changed_by_an_editor_is_a_step_that_undo_takes_back(session: Ses
     assert session.is_saved is False
     assert session.save()
     assert DesignFile(str(file)).saved.digest == session.design.digest
-
-
-def test_a_comment_more_is_kept_and_takes_no_edit_away(session: Session, file: Path) -> None:
-    session.set_field("receivers.height_mm", 5.9)
-    edited_outside(file, "[cavity]\n", "[cavity]  # as poured on Monday\n")
-    said = session.said
-    session.look_at_file()
-    assert session.said is said
-    assert session.design.receivers.height_mm == 5.9
-    assert session.save()
-    assert "[cavity]  # as poured on Monday\n" in file.read_text(encoding="utf-8")
 
 
 def test_a_file_made_invalid_is_said_once_and_edits_are_kept(session: Session, file: Path) -> None:
@@ -375,17 +282,6 @@ def test_a_file_that_is_no_design_at_all_is_said_and_saved_over(
     assert DesignFile(str(file)).saved.digest == session.design.digest
 
 
-def test_a_file_that_names_an_unknown_part_is_said_and_edits_are_kept(session: Session, file: Path) -> None:
-    session.set_field(CLEAR, 9.0)
-    edited_outside(file, '"osram-sfh206k"', '"osram-sfh299"')
-    session.look_at_file()
-    assert session.said.is_bad
-    assert "receivers.part" in session.said.text
-    assert session.design.cavity.clear_thickness_mm == 9.0
-    with pytest.raises(InputError, match=r"receivers\.part"):
-        Session(DesignFile(str(file)))
-
-
 def test_a_deleted_file_is_said_once_and_saved_again(session: Session, file: Path) -> None:
     before = file.read_bytes()
     file.unlink()
@@ -411,16 +307,6 @@ def test_a_change_that_nobody_has_looked_at_is_not_saved_over(session: Session, 
     assert session.design.elastomer.mixing_ratio == 15.0
 
 
-def test_save_says_where_and_what_is_saved_is_what_is_on_the_table(session: Session, file: Path) -> None:
-    session.set_field(CLEAR, 9.0)
-    assert session.is_saved is False
-    assert session.save()
-    assert session.said == Said(text=f"saved: {file}")
-    assert session.is_saved is True
-    session.undo()
-    assert session.is_saved is False
-
-
 def test_every_change_is_told_to_those_who_listen(session: Session) -> None:
     told: list[Said] = []
     session.listen(lambda: told.append(session.said))
@@ -435,10 +321,3 @@ def test_every_change_is_told_to_those_who_listen(session: Session) -> None:
     session.say("hello")
     assert [one.is_bad for one in told] == [False, True, True, False, False, False, False, False]
     assert told[-1].text == "hello"
-
-
-def test_heights_of_a_kind_go_together_and_a_moved_part_is_where_it_was_put(session: Session) -> None:
-    session.move_part("R3", along_mm=20.4, height_mm=5.5)
-    assert part_named(session.design, "R3").along_mm == 20.4
-    assert {part_named(session.design, f"R{k}").height_mm for k in range(1, 9)} == {5.5}
-    assert {part_named(session.design, f"E{k}").height_mm for k in range(1, 9)} == {5.0}
