@@ -17,8 +17,7 @@ import pytest
 
 from optopad import doctor
 from optopad.cli import main
-from optopad.doctor import INSTALL, Failure, Package, Requirement, explain_import_error
-from sims.cache import LightStore
+from optopad.doctor import Failure, Package, Requirement, explain_import_error
 from tests.said import says
 
 ROOT = Path(__file__).parents[2]
@@ -101,34 +100,6 @@ def test_a_missing_libgl_is_named_with_its_packages() -> None:
     assert says(message, "libGL.so.1 ... Debian or Ubuntu ... libgl1 ... libglvnd-glx ... mesa")
 
 
-@pytest.mark.parametrize(
-    ("text", "debian"),
-    [
-        ("libX11.so.6: cannot open shared object file: No such file", "libx11-6"),
-        ("libexpat.so.1: cannot open shared object file: No such file", "libexpat1"),
-        ("libstdc++.so.6: cannot open shared object file: No such file", "libstdc++6"),
-        ("libodd-2.so.7: cannot open shared object file: No such file", "apt-file search libodd-2.so"),
-        ("dlopen(x.so): Library not loaded: @rpath/libX11.6.dylib", "brew install libx11"),
-    ],
-)
-def test_a_missing_library_leads_to_its_package(text: str, debian: str) -> None:
-    assert debian in explain_import_error(missing_library(text))
-
-
-def test_a_system_that_is_too_old_is_told_so() -> None:
-    text = "/lib/x86_64-linux-gnu/libc.so.6: version `GLIBC_2.31' not found (required by OCP.so)"
-    assert "lacks GLIBC_2.31; use a newer one" in explain_import_error(missing_library(text))
-
-
-def test_a_missing_python_package_is_not_taken_for_a_library() -> None:
-    err = ModuleNotFoundError("No module named 'mujoco'", name="mujoco")
-    assert says(explain_import_error(err), f"mujoco ... {INSTALL}")
-
-
-def test_another_import_error_keeps_its_own_words() -> None:
-    assert "undefined symbol: PyX" in explain_import_error(missing_library("undefined symbol: PyX"))
-
-
 def write_module(folder: Path, text: str, monkeypatch: pytest.MonkeyPatch) -> None:
     (folder / "broken_room.py").write_text(text)
     monkeypatch.setenv("PYTHONPATH", str(folder))
@@ -188,14 +159,6 @@ def test_a_package_is_judged_by_release_and_import(
     assert (finding.state, finding.detail) == (state, detail)
 
 
-@pytest.mark.parametrize(
-    ("version", "numbers"),
-    [("2.8.0", (2, 8, 0)), ("2.8.0rc1", (2, 8, 0)), ("2.8.0.dev3", (2, 8, 0)), ("2026.9", (2026, 9))],
-)
-def test_release_is_the_leading_numbers(version: str, numbers: tuple[int, ...]) -> None:
-    assert doctor.release(version) == numbers
-
-
 FOLDERS = {
     "cache folder": ("OPTOPAD_CACHE", "warning", "computes everything again"),
     "kernel cache": ("NUMBA_CACHE_DIR", "warning", "compiles the kernels again"),
@@ -242,25 +205,6 @@ def test_every_folder_that_cannot_be_written_is_reported_with_what_is_wrong(
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
-def test_a_disk_with_little_room_is_a_warning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(doctor, "DISK_ADVISED_GB", 1e9)
-    finding = doctor.folder_finding("cache folder", tmp_path, "move it")
-    assert (finding.state, "GB free" in finding.detail) == ("warning", True)
-
-
-def test_no_folder_for_temporary_files_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse() -> str:
-        raise FileNotFoundError(errno.ENOENT, "No usable temporary directory found in ['/tmp']")
-
-    monkeypatch.setattr(tempfile, "gettempdir", refuse)
-    finding = doctor.temporary_finding()
-    assert (finding.state, "No usable" in finding.detail, "TMPDIR" in finding.way_out) == (
-        "missing",
-        True,
-        True,
-    )
-
-
 NO_HOME = """
 import pwd, sys
 
@@ -290,63 +234,6 @@ def test_a_user_without_a_home_folder_runs_without_caches(tmp_path: Path, home: 
     assert list((tmp_path / "out").glob("*/cad/mold.stl"))
 
 
-@pytest.mark.usefixtures("without_imports")
-def test_no_home_folder_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    def no_home(_name: str) -> Path:
-        raise RuntimeError("could not determine the home directory")
-
-    for name in ("OPTOPAD_CACHE", "NUMBA_CACHE_DIR"):
-        monkeypatch.delenv(name, raising=False)
-    for missing in (no_home, lambda _name: Path("~/.cache/optopad")):
-        monkeypatch.setattr("platformdirs.user_cache_path", missing)
-        findings = {one.name: one for one in doctor.examine()}
-        for name in ("cache folder", "kernel cache", "light cache"):
-            assert (findings[name].state, findings[name].detail) == (
-                "warning",
-                "none: this user has no home folder",
-            )
-            assert findings[name].way_out.startswith("set HOME, or set OPTOPAD_CACHE")
-            assert FOLDERS[name][2] in findings[name].way_out
-
-
-def test_the_cache_folder_can_be_chosen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("OPTOPAD_CACHE", str(tmp_path))
-    assert doctor.cache_folder() == tmp_path
-    monkeypatch.delenv("OPTOPAD_CACHE")
-    assert doctor.cache_folder().name == "optopad"
-
-
-def test_kernels_are_kept_in_the_cache_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
-    monkeypatch.setenv("OPTOPAD_CACHE", str(tmp_path))
-    assert doctor.kernel_finding() == Requirement("kernel cache", "ok", str(tmp_path / "kernels"))
-
-
-def test_a_container_limit_below_the_machine_counts(tmp_path: Path) -> None:
-    limit = tmp_path / "memory.max"
-    limit.write_text("1500000000\n")
-    assert doctor.memory_gb(limit) == 1.5
-    limit.write_text("max\n")
-    assert doctor.memory_gb(limit) == doctor.memory_gb(tmp_path / "absent")
-
-
-def test_little_memory_is_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(doctor, "memory_gb", lambda: 1.0)
-    assert doctor.memory_finding().state == "warning"
-
-
-def test_absent_tools_are_warnings_and_any_of_their_commands_will_do(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("PATH", str(tmp_path))
-    assert {doctor.tool_finding(tool).state for tool in doctor.TOOLS} == {"warning"}
-    program = tmp_path / "google-chrome"
-    program.write_text("#!/bin/sh\n")
-    program.chmod(0o755)
-    finding = doctor.tool_finding(doctor.TOOLS[-1])
-    assert (finding.name, finding.state) == ("chromium", "ok")
-
-
 def test_the_doctor_imports_nothing_heavy() -> None:
     program = (
         "import optopad.doctor, sys; optopad.doctor.light_finding(); "
@@ -356,19 +243,6 @@ def test_the_doctor_imports_nothing_heavy() -> None:
         [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True
     )
     assert result.stdout.strip() == ""
-
-
-def test_kept_light_is_listed_with_the_way_to_clear_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("OPTOPAD_CACHE", str(tmp_path))
-    monkeypatch.setenv("OPTOPAD_LIGHT_CACHE_MB", "200")
-    LightStore(tmp_path / "light" / "rows.sqlite", 200.0).write({b"one": b"row", b"another": b"row"})
-    finding = doctor.light_finding()
-    assert finding.state == "ok"
-    assert finding.detail.startswith("2 rows, 0.0 of at most 200 MB, in ")
-    assert str(tmp_path / "light" / "rows.sqlite") in finding.detail
-    assert "delete it to clear" in finding.detail
 
 
 def test_kept_light_may_be_off_and_its_size_must_be_a_number(monkeypatch: pytest.MonkeyPatch) -> None:

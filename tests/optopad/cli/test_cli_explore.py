@@ -114,13 +114,6 @@ def test_more_trials_go_on_and_the_seed_repeats(space, tmp_path, capsys, whole):
     assert resumed["designs"] == 12
 
 
-def test_another_base_is_another_search(space, tmp_path, capsys):
-    plain = explored(space, tmp_path / "out", capsys, "--trials", "1")
-    changed = explored(space, tmp_path / "out", capsys, "--trials", "1", "--set", "gain.target_counts=500")
-    assert plain["digest"] != changed["digest"]
-    assert plain["folder"] != changed["folder"]
-
-
 def test_a_cost_without_prices_is_refused_before_a_folder_is_made(space, tmp_path, capsys):
     text = space.read_text(encoding="utf-8").replace('"evenness"', '"cost"')
     priced = space.with_name("priced.toml")
@@ -128,15 +121,6 @@ def test_a_cost_without_prices_is_refused_before_a_folder_is_made(space, tmp_pat
     assert main(["explore", str(priced), "--out", str(tmp_path / "out")]) == 2
     assert "osram-sfh206k" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
-
-
-def test_progress_says_the_best_so_far(space, tmp_path, capsys):
-    assert main(["explore", str(space), "--out", str(tmp_path / "out")]) == 0
-    told = capsys.readouterr()
-    assert "12 of 12  front" in told.err
-    assert "evenness" in told.err
-    assert "(base 0.5)" in told.err
-    assert "report    " in told.out
 
 
 def test_every_row_shows_the_usable_depth_and_the_score_words_of_its_verdict(
@@ -301,11 +285,6 @@ def test_what_cannot_be_reached_is_said_in_one_line(space, tmp_path, capsys, opt
     assert "Traceback" not in told
 
 
-def test_a_missing_space_names_the_packaged_ones(tmp_path, capsys):
-    assert main(["explore", str(tmp_path / "none.toml")]) == 2
-    assert "packaged spaces: pair-heights, pad-layout" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize("name", SPACES)
 def test_every_packaged_space_loads_and_holds_its_base_design(name):
     space = load_space(name)
@@ -367,12 +346,3 @@ def test_importance_finds_the_field_that_matters(space, tmp_path, capsys):
     assert sum(shares.values()) == pytest.approx(1.0, abs=1e-9)
     # 9 mm is best by up to 0.75, the layout by 0.1; a fair share of two fields is a half
     assert shares["cavity.clear_thickness_mm"] > 0.6
-
-
-def test_a_terminal_shows_a_bar_with_the_best_so_far(space, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
-    monkeypatch.setenv("COLUMNS", "160")
-    assert main(["explore", str(space), "--out", str(tmp_path / "out"), "--trials", "6"]) == 0
-    told = capsys.readouterr().err
-    assert "6/6" in told
-    assert "evenness" in told

@@ -13,7 +13,6 @@ from pathlib import Path
 import pytest
 
 from design.preset import preset
-from fabrication import flash
 from fabrication import flash as image
 from fabrication.bundle import bundle_name
 from fabrication.driver.link.ports import FoundPort
@@ -88,23 +87,6 @@ def test_config_leaves_driver_file_wiring_and_parts_in_the_bundle(capsys):
     assert held["rows_without_price"] == bill["rows"] > bill["rows_set_by_gain"] == 3
     made = {path.name for path in FOLDER.parent.iterdir()}
     assert {"driver.toml", "wiring.csv", "bom.csv"} <= made
-
-
-def test_a_budget_without_a_currency_and_a_missing_price_list_are_refused(capsys, tmp_path):
-    assert "--budget: '25'" in refused(capsys, "config", DESIGN, "--budget", "25")
-    assert "'XYZ' is" in refused(capsys, "config", DESIGN, "--budget", "25XYZ")
-    assert "no.csv" in refused(capsys, "config", DESIGN, "--prices", str(tmp_path / "no.csv"))
-
-
-def test_config_names_the_prices_that_match_no_row(capsys, tmp_path):
-    file = tmp_path / "prices.csv"
-    file.write_text("part_number,unit_cost,currency,cost_date\nA00067,40,EUR,2026-11\n")
-    command = ["driver", "config", DESIGN, "--prices", str(file)]
-    said = "1 of 1 prices match no row: A00067"
-    assert main(command) == 0
-    assert said in capsys.readouterr().out
-    assert main([*command, "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["bill"]["unused_prices"] == said
 
 
 @needs_compiler
@@ -199,20 +181,6 @@ def test_what_avrdude_says_is_passed_on_with_what_helps(said, words, avrdude, po
     assert words in message
 
 
-def test_without_avrdude_the_way_out_is_named(monkeypatch, port, board_image, capsys):
-    monkeypatch.setattr(flash.shutil, "which", lambda _name: None)
-    message = refused(capsys, "flash", DESIGN, "--port", str(port), "--image", str(board_image))
-    assert "installed here" in message
-    assert "Arduino IDE" in message
-
-
-@needs_shell
-def test_a_port_that_is_not_there_is_named(avrdude, board_image, capsys):
-    avrdude()
-    message = refused(capsys, "flash", DESIGN, "--port", "nowhere/ttyACM9", "--image", str(board_image))
-    assert "nowhere/ttyACM9: no such port" in message
-
-
 def test_without_a_port_the_board_is_looked_for_by_its_usb_identity(
     monkeypatch, avrdude, board_image, capsys
 ):
@@ -269,12 +237,6 @@ def test_an_image_that_is_none_is_refused(content, words, tmp_path, capsys):
     assert words in refused(capsys, "flash", DESIGN, "--port", "COM7", "--image", str(file), "--dry-run")
 
 
-def test_nothing_to_upload_says_why(monkeypatch, capsys):
-    monkeypatch.setattr(image.shutil, "which", lambda _name: None)
-    message = refused(capsys, "flash", DESIGN, "--port", "COM7", "--dry-run")
-    assert "nothing to upload" in message
-
-
 TEENSY = ["--set", "board.kind=teensy-40"]
 
 
@@ -293,13 +255,6 @@ def test_a_board_that_is_no_avr_is_flashed_by_arduino_cli(avrdude, port, tmp_pat
     avrdude("Error: platform not installed", 1, name="arduino-cli")
     said = refused(capsys, "flash", DESIGN, *TEENSY, "--port", port, "--out", str(out), "--patience", "0.1")
     assert "arduino-cli core install" in said
-
-
-def test_without_arduino_cli_the_two_clicks_are_named(monkeypatch, port, tmp_path, capsys):
-    monkeypatch.setenv("PATH", str(tmp_path))
-    said = refused(capsys, "flash", DESIGN, *TEENSY, "--port", port, "--out", str(tmp_path / "outputs"))
-    assert "installed here" in said
-    assert "select the board teensy:avr:teensy40, and press Upload" in said
 
 
 PICO = ["--set", "board.kind=raspberry-pi-pico", "--set", "board.receivers.multiplexer=74hc4067"]
@@ -415,11 +370,3 @@ def test_a_drive_that_leaves_after_the_last_block_has_taken_the_file(
         assert "uploaded" in capsys.readouterr().out
     else:
         assert "Input/output" in refused(capsys, *given[1:])
-
-
-def test_without_arduino_cli_a_pico_needs_no_port_to_be_told_of_its_boot_mode(monkeypatch, tmp_path, capsys):
-    monkeypatch.setenv("PATH", "")
-    said = refused(capsys, "flash", DESIGN, *PICO, "--out", str(tmp_path / "outputs"))
-    assert "installed here" in said
-    assert "hold the board's BOOTSEL button" in said
-    assert "driver flash DESIGN --image FILE.uf2" in said

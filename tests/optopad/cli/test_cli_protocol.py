@@ -73,13 +73,6 @@ def test_a_protocol_makes_a_data_set_in_the_bundle(folder, capsys, made_up_light
     assert [path.name for path in Path("outputs").iterdir()] == [Path(said["file"]).parents[1].name]
 
 
-def test_for_people_it_names_sets_counts_and_file(folder, capsys, made_up_light):
-    assert main(["simulate", "piacenza2017-pad", "--protocol", "small.toml", "--seed", "3"]) == 0
-    said = capsys.readouterr().out
-    assert "14 points a press, 10 of them at 0 mm or deeper; 168 samples" in said
-    assert f"file      {file_of('piacenza2017-pad', seed=3)}" in said
-
-
 def test_a_stopped_run_is_taken_up_with_the_same_data(folder, capsys, made_up_light, monkeypatch):
     assert main(["simulate", "piacenza2017-pad", "--protocol", "small.toml", "--out", "whole"]) == 0
     presses = simulated.drawn_presses
@@ -151,12 +144,6 @@ def test_fit_leaves_out_what_is_too_deep(folder, capsys, made_up_light):
     assert main([*command, "--set", "operating.max_depth_mm=1"]) == 0
     said = json.loads(capsys.readouterr().out)
     assert said["protocol"]["points_per_press"] == 10
-
-
-def test_clipped_channels_are_reported(folder, capsys, made_up_light):
-    command = ["simulate", "piacenza2017-pad", "--protocol", "small.toml"]
-    assert main([*command, "--set", "gain.target_counts=2000", "--set", "gain.feedback_ohm=common"]) == 0
-    assert "warning   64 of 72 channels clip at 1023 counts" in capsys.readouterr().out
 
 
 @pytest.mark.slow

@@ -67,14 +67,6 @@ def test_a_pair_is_drawn_and_its_files_are_listed(pictured):
     assert altered_files(FOLDER) == ()
 
 
-def test_lines_say_what_of_the_untouched_light_arrives(drawn):
-    lines = drawn(*ONE, "--press", "10,10,1").splitlines()
-    assert "E2-R2, powers" in lines[0]
-    assert lines[1].startswith("untouched")
-    assert "total 100.00" in lines[1]
-    assert lines[2].startswith("press  10.00  10.00  depth  1.00 mm")
-
-
 def test_json_is_one_object_and_the_data_file_holds_every_path(drawn, capsys):
     found = json.loads(drawn(*ONE, "--press", "10,10,1", "--json"))
     assert capsys.readouterr().err == ""
@@ -91,12 +83,6 @@ def test_json_is_one_object_and_the_data_file_holds_every_path(drawn, capsys):
         assert all(path["arrived_at"] == "R2" != path["receiver"] for path in row["lost_paths"])
         assert all(path["places_mm"][0][0] == 0.0 and path["emitter"] == "E2" for path in row["paths"])
     assert {row["kind"] for row in data["kinds"]} >= {"direct", "top", "diffuse", "lost"}
-
-
-def test_a_part_is_found_by_its_number_too_and_case_does_not_matter(drawn):
-    assert json.loads(
-        drawn("--emitter", "e2", "--receiver", "2", "--count", "2", "--press", "10,10,1", "--json")
-    )["light"] == ("E2-R2")
 
 
 def test_without_a_pair_all_light_is_drawn_with_its_losses(drawn):

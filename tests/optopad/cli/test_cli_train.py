@@ -116,26 +116,10 @@ def test_a_design_changed_after_the_recording_is_refused_with_both_digests(folde
     assert "record again" in err
 
 
-def test_too_few_presses_are_refused_and_nothing_is_written(data, folder, capsys):
-    few = data.only(data.place_number < 8)
-    save_data(few, folder / "few.nc")
-    assert "has 8 locations, needs >= 9" in refused(["train", "few.nc"], capsys)
-    assert sorted(path.name for path in folder.iterdir()) == ["few.nc", "pad.nc"]
-
-
 def test_data_for_testing_only_are_refused(data, folder, capsys):
     tests = replace(data, sets=tuple(replace(one, role="test") for one in data.sets))
     save_data(tests, folder / "tests.nc")
     assert "no set for training" in refused(["train", "tests.nc"], capsys)
-
-
-def test_files_of_two_sensors_are_refused(data, folder, capsys):
-    save_data(replace(data, design_digest="00" * 32), folder / "other.nc")
-    assert "join recordings" in refused(["train", "pad.nc", "other.nc"], capsys)
-
-
-def test_a_folder_that_cannot_be_made_is_named(folder, capsys):
-    assert "cannot be written" in refused(["train", "pad.nc", "--out", "pad.nc/models"], capsys)
 
 
 @pytest.mark.slow

@@ -8,12 +8,10 @@ from design.errors import DesignError
 from design.preset import preset
 from design.shape.outline import rectangle
 from optopad.cli import main
-from optopad.jobs.evaluation import _named
 from optopad.jobs.prediction import write_accuracy
 from optopad.results.prediction import PredictedAccuracy, accuracy_lines, accuracy_of
 from sims.learning.tables import JudgedPresses, published_touch
 from tests.said import says
-from tests.sims.learning.made_up_models import made_up_kernel_ridge
 
 SPACE = rectangle((6.0, 6.0, 26.0, 26.0))
 
@@ -74,13 +72,6 @@ def test_a_classifier_that_misses_presses_is_a_finding_with_a_way_out():
     assert "--learner" not in own
 
 
-def test_a_good_classifier_has_no_finding(tmp_path):
-    write_accuracy(found_accuracy(), SPACE, tmp_path, "prediction")
-    document = json.loads((tmp_path / "prediction.json").read_text(encoding="utf-8"))
-    assert (document["findings"], document["false_alarms"]) == ([], 0.0)
-    assert 'class="verdict contiguous"' in (tmp_path / "prediction.html").read_text(encoding="utf-8")
-
-
 def test_an_interrupted_evaluation_leaves_the_earlier_one_as_it_was(tmp_path, monkeypatch):
     def interrupted(*_):
         raise KeyboardInterrupt
@@ -106,13 +97,6 @@ def test_an_interrupted_evaluation_leaves_the_earlier_one_as_it_was(tmp_path, mo
 
 def test_a_changed_pad_has_no_published_table():
     assert published_touch(preset("piacenza2017-pad").with_(**{"cavity.clear_thickness_mm": 14.0})) is None
-
-
-def test_models_of_one_kind_and_one_file_name_are_told_apart():
-    model = made_up_kernel_ridge()
-    names = list(_named([("a/m.optomodel", model), ("b/m.optomodel", model), ("b/n.optomodel", model)]))
-    assert len(names) == 3
-    assert names[2].endswith("(n)")
 
 
 def test_an_out_that_is_a_file_is_refused_before_anything_is_read(tmp_path, capsys):

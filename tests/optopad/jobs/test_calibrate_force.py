@@ -56,6 +56,7 @@ def test_a_log_by_the_same_clock_and_by_another_that_is_off_by_a_percent_gives_t
     assert (same.time_constant_s, found.time_constant_s) == (None, None)
 
 
+@pytest.mark.slow
 def test_the_moves_that_collect_wrote_give_the_force_its_course(
     files: tuple[Path, Path], tmp_path: Path
 ) -> None:
@@ -139,20 +140,6 @@ def test_the_clock_is_found_under_a_drift_of_the_tare_and_of_the_clock() -> None
         assert np.abs(found - time_s).max() < 0.3  # the fit refines it
         with pytest.raises(InputError, match=r"tip presses.* negate"):
             force_clock(path, ForceLog(file="cell.csv", time_s=log.time_s, force_n=-force_n), "auto")
-
-
-def test_a_force_in_grams_is_refused_before_the_light_is_fitted(
-    files: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    log = read_force_log(files[1])
-    grams = write_log(tmp_path / "grams.csv", log.time_s, log.force_n / 9.80665e-3)
-    for name in ("read_data", "require_design", "data_notes"):
-        monkeypatch.setattr(calibration, name, lambda *_, **__: ())
-    monkeypatch.setattr(calibration, "calibrated", lambda *_, **__: pytest.fail("the light was fitted"))
-    with pytest.raises(InputError, match=r"81\.\d MPa, is 81\.\d"):
-        calibration.calibrate(
-            PAD, files[0], with_model=False, quick=True, seed=0, on_step=lambda *_: None, force=grams
-        )
 
 
 def test_logs_that_do_not_fit_are_refused_with_a_way_out(files: tuple[Path, Path], tmp_path: Path) -> None:
