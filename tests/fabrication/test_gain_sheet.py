@@ -56,27 +56,6 @@ def test_pairs_above_full_scale_are_listed_with_the_resistor_that_is_fitted() ->
     assert says(casting_md(PAD, GAIN), "21 of 64 ... 1023 counts")
 
 
-def test_no_clipped_pair_is_said_too() -> None:
-    dim = SimulatedGain(counts_per_flux=(1e4,) * 8, untouched_flux=FLUX)
-    assert clipped_pairs(PAD, dim) == ()
-    assert "pair reads above" in casting_md(PAD, dim)
-
-
-def test_a_rule_without_a_simulation_leaves_the_resistor_open() -> None:
-    assert bill(None)["feedback resistor"]["value"] == "set by gain"
-    assert "been simulated yet" in casting_md(PAD)
-    assert driver_config(PAD).gain.feedback_ohm is None
-
-
-def test_given_ohms_are_known_without_a_simulation() -> None:
-    fitted = PAD.with_(**{"gain.feedback_ohm": 2.2e6})
-    driver = driver_config(fitted).gain
-    assert driver.rule == "ohms"
-    assert driver.feedback_ohm == (2.2e6,) * 8
-    assert driver.counts_per_flux == pytest.approx(0.6846745 * 2.2e6, rel=1e-6)
-    assert bill(None, **{"gain.feedback_ohm": 2.2e6})["feedback resistor"]["value"] == "2.2 Mohm"
-
-
 def test_an_amplifier_that_is_too_slow_is_said_with_the_time_that_is_enough() -> None:
     hurried = PAD.with_(**{"board.settle_us": 3.0})
     sheet = casting_md(hurried, SimulatedGain(counts_per_flux=(3e6,) * 8, untouched_flux=FLUX))

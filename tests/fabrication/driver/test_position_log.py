@@ -283,11 +283,6 @@ def test_clocks_of_other_programs_are_read(heading, times, time_s, tmp_path):
     assert log.place_number.tolist() == list(range(len(times)))
 
 
-def test_a_log_that_is_not_there_is_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"none\.csv.*CSV table"):
-        read_position_log(tmp_path / "none.csv")
-
-
 @pytest.mark.slow
 def test_export_tells_the_offset_that_it_found(
     recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
