@@ -63,11 +63,6 @@ def test_the_label_takes_its_area_times_its_depth_away():
     assert taken == pytest.approx(label.area_mm2 * label.depth_mm, rel=1e-9)
 
 
-def test_a_full_stop_is_a_square_of_two_points():
-    # 2 x 2 points of 1.25 pitches that overlap: a square of 2.25 pitches
-    assert mold_label(labelled(".")).area_mm2 == pytest.approx((2.25 * LARGEST_PITCH_MM) ** 2, rel=1e-6)
-
-
 def test_an_l_is_read_from_below():
     label = mold_label(labelled("L"))
     upright = max(label.strokes, key=lambda stroke: stroke.y1 - stroke.y0)
@@ -91,12 +86,6 @@ def test_the_label_lies_below_the_cavity_clear_of_sockets_and_holes():
             assert 0.8 - 1e-6 <= stroke.y0 < stroke.y1 <= design.cavity.width_mm - 0.8 + 1e-6
 
 
-def test_no_two_letters_of_the_set_look_alike():
-    found = list(letters().values())
-    assert len(set(found)) == len(found)
-    assert all(len(columns) == 5 and max(columns) < 128 for columns in found)
-
-
 def test_an_empty_label_leaves_design_and_mold_as_they_were():
     assert labelled("").digest == PAIR.digest
     assert "label" not in PAIR.model_dump(mode="json")["mold"]
@@ -115,11 +104,6 @@ def test_a_label_that_cannot_be_printed_is_refused(changes, words):
     assert any(words in str(finding) and finding.severity == "error" for finding in check(design))
     with pytest.raises(DesignError, match=words):
         require_valid(design)
-
-
-def test_a_letter_without_a_shape_is_refused():
-    with pytest.raises(DesignError, match=r"mold\.label"):
-        labelled("8 µm")
 
 
 def test_strokes_never_touch_along_an_edge_only(files):

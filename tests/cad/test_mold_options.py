@@ -16,9 +16,9 @@ from cad.pour_gauge import gauge_size, pour_gauge
 from cad.solder_jig import jig_size, solder_jig
 from cad.volume import base_volume_mm3, mold_volume_mm3
 from design.errors import DesignError, InputError
-from design.mold.lettering import area_mm2, shapes_of
+from design.mold.lettering import area_mm2
 from design.mold.outline import bed_lift_mm, outline_of
-from design.mold.part_numbers import DEPTH_MM, small_letters
+from design.mold.part_numbers import DEPTH_MM
 from design.parts.assumptions import bed_of
 from design.parts.catalog import find_board, packaged
 from design.preset import FLAT_PRESETS, PRESETS, preset
@@ -78,19 +78,6 @@ def test_an_e_is_read_from_outside_on_every_wall():
             tall = max(number.strokes, key=lambda stroke: stroke.y1 - stroke.y0)
             middle = np.mean([stroke.x0 for stroke in number.strokes])
             assert (tall.x0 < middle) == (number.frame.wall in ("south", "east"))
-
-
-def test_no_two_small_letters_look_alike_and_outlines_cover_the_strokes():
-    found = list(small_letters().values())
-    assert len(set(found)) == len(found) == 38
-    for number in outline_of(preset("oblong-60x40")).numbers:
-        shapes = shapes_of(number.strokes)
-        loops = [loop for shape in shapes for loop in (shape.outline, *shape.holes)]
-        area = sum(
-            sum(x0 * y1 - x1 * y0 for (x0, y0), (x1, y1) in zip(loop, loop[1:] + loop[:1], strict=True)) / 2
-            for loop in loops
-        )
-        assert area == pytest.approx(area_mm2(number.strokes), rel=ROUNDING)
 
 
 def test_names_without_room_are_told():
@@ -232,10 +219,6 @@ def test_the_middle_tooth_of_the_pour_gauge_ends_at_the_undisturbed_top(name):
     assert size.teeth_mm[1] == design.mold.rim_mm
     assert -gauge.val().BoundingBox().ymin == pytest.approx(design.mold.rim_mm + 0.3, abs=1e-6)
     assert gauge.val().Volume() == pytest.approx(size.volume_mm3, rel=ROUNDING)
-
-
-def test_without_a_rim_there_is_no_pour_gauge():
-    assert gauge_size(PAD.with_(**{"mold.rim_mm": 0.0})) is None
 
 
 @pytest.mark.parametrize("name", PRESETS)

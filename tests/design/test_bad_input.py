@@ -24,11 +24,6 @@ def test_the_design_that_all_bad_ones_vary_is_good(tmp_path: Path) -> None:
     ] == []
 
 
-def test_the_table_covers_at_least_a_hundred_faults_and_no_fault_twice() -> None:
-    assert len(BAD_DESIGNS) >= 100
-    assert len({bad.id for bad in BAD_DESIGNS}) == len(BAD_DESIGNS)
-
-
 def refusal(path: Path) -> str:
     """What is said of a file; nothing of one that is good."""
     try:

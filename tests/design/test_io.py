@@ -17,7 +17,6 @@ from design.errors import DesignError, OptopadError
 from design.file_sets import written_together
 from design.io import (
     dump_design,
-    file_schema,
     load_design,
     migrated,
     save_design,
@@ -84,20 +83,6 @@ def test_a_saved_preset_is_the_preset(name: str, tmp_path: Path) -> None:
     assert load_design(tmp_path / "design.toml").digest == preset(name).digest
 
 
-def test_a_saved_file_names_design_and_digest_at_its_top() -> None:
-    assert dump_design(good()).splitlines()[0] == f"# optopad design bad, digest {good().digest}"
-
-
-def test_a_byte_order_mark_is_skipped(tmp_path: Path) -> None:
-    (tmp_path / "d.toml").write_bytes(b"\xef\xbb\xbf" + design_text().encode())
-    assert load_design(tmp_path / "d.toml").digest == good().digest
-
-
-def test_windows_line_ends_make_the_same_design(tmp_path: Path) -> None:
-    (tmp_path / "d.toml").write_bytes(design_text().replace("\n", "\r\n").encode())
-    assert load_design(tmp_path / "d.toml").digest == good().digest
-
-
 def test_an_own_part_is_read_from_a_file_beside_the_design_and_saved_inside_it(tmp_path: Path) -> None:
     (tmp_path / "mine.toml").write_text(my_led_file(), encoding="utf-8")
     text = design_text({"emitters.part": '"my-led"'}, head='catalog_files = ["mine.toml"]')
@@ -127,12 +112,6 @@ def test_a_name_with_a_null_byte_is_refused() -> None:
 def test_an_endless_file_is_refused_and_not_read_to_its_end() -> None:
     with pytest.raises(DesignError, match="a device"):
         load_design("/dev/zero")
-
-
-def test_a_file_in_a_file_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "d.toml").write_text(design_text(), encoding="utf-8")
-    with pytest.raises(DesignError, match="cannot be read"):
-        load_design(tmp_path / "d.toml" / "e.toml")
 
 
 def test_a_link_that_leads_out_of_the_folder_is_no_catalogue_file(tmp_path: Path) -> None:
@@ -231,11 +210,6 @@ def test_an_older_version_is_lifted_step_by_step() -> None:
     }
 
 
-def test_the_present_version_needs_no_step() -> None:
-    document = {"schema_version": 1, "a": 7}
-    assert migrated(document) == document
-
-
 @pytest.mark.parametrize(
     ("document", "words"),
     [
@@ -262,10 +236,6 @@ def test_a_tips_points_are_read_from_a_file_beside_the_design_and_saved_inside_i
     (tmp_path / "elsewhere").mkdir()
     save_design(design, tmp_path / "elsewhere" / "alone.toml")
     assert load_design(tmp_path / "elsewhere" / "alone.toml").digest == design.digest
-
-
-def test_the_schema_of_a_file_knows_the_profiles_file() -> None:
-    assert file_schema()["$defs"]["Indenter"]["properties"]["profile_csv"]["type"] == "string"
 
 
 def test_a_part_in_two_catalogue_files_is_refused(tmp_path):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import os
-import re
 import shutil
 import threading
 from pathlib import Path
@@ -30,7 +29,6 @@ from design.press_protocol import PressProtocol, PressSet
 from design.search.space import SearchSpace
 from design.spec import SensorDesign
 
-ROOT = Path(__file__).parents[2]
 DEVICES = ["CON", "con", "Prn", "AUX", "nul", "COM1", "com9", "LPT1", "lpt9", "LPT²", "CONIN$"]
 WRITERS = {
     "write_whole": lambda file: write_whole(file, b"new"),
@@ -52,11 +50,6 @@ def test_a_device_name_of_windows_is_no_name_of_a_file(device: str, end: str, tm
     assert "device on Windows" in str(name_fault(device + end))
     with pytest.raises(InputError, match="--out: "):
         require_file_name(tmp_path / (device + end), "--out: ")
-
-
-@pytest.mark.parametrize("name", ["con-1", "console.toml", "COM10", "com", "lpt0", "a.con", "nul_", ".con"])
-def test_names_that_only_resemble_devices_are_taken(name: str) -> None:
-    assert name_fault(name) is None
 
 
 @pytest.mark.parametrize("model", [SensorDesign, PressProtocol, PressSet, SearchSpace])
@@ -169,16 +162,3 @@ def test_without_a_folder_for_temporary_files_the_way_out_is_named(monkeypatch: 
     monkeypatch.setattr("tempfile.TemporaryDirectory", refuse(errno.ENOENT))
     with pytest.raises(OutputError, match="TMPDIR"):
         temporary_folder()
-
-
-def test_no_other_module_names_hidden_files_and_folders() -> None:
-    makers = re.compile(
-        r"os\.replace\(|\bmkd?s?temp\(|TemporaryDirectory\(|NamedTemporaryFile\(|getpid\(\)\}\."
-    )
-    found = {
-        str(path.relative_to(ROOT))
-        for room in ("design", "cad", "fabrication", "sims", "optopad")
-        for path in (ROOT / room).rglob("*.py")
-        if makers.search(path.read_text())
-    }
-    assert found == {"design/files.py", "design/file_sets.py", "optopad/studio/design_file.py"}
