@@ -134,6 +134,10 @@ def test_an_expected_pattern_of_another_shape_is_refused() -> None:
         config_from_document(document, where="driver.toml")
 
 
+def test_the_same_design_gives_the_same_file() -> None:
+    assert dump_driver_config(PAD) == dump_driver_config(preset("piacenza2017-pad"))
+
+
 def test_the_configuration_of_another_design_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "driver.toml"
     file.write_text(text_of(PAD), encoding="utf-8")

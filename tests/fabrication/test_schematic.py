@@ -16,6 +16,7 @@ from fabrication.gain import SimulatedGain
 from fabrication.sheets.bom import NO_PRICE, NOT_BOUGHT, bom_csv, bom_rows
 from fabrication.sheets.casting import casting_md
 from fabrication.sheets.schematic_svg import schematic_svg
+from fabrication.sheets.silicone import pours
 
 PAD = preset("piacenza2017-pad")
 SVG = "{http://www.w3.org/2000/svg}"
@@ -59,6 +60,12 @@ def test_the_supply_gives_one_lit_emitter_its_base_the_amplifiers_and_the_board(
     assert "the amplifiers (8*)" in casting_md(PAD)
     named = PAD.with_(**{"board.amplifier": "mcp604"})
     assert "the amplifiers (1.8)" in casting_md(named)
+
+
+def test_carbon_black_is_a_share_of_the_black_layer_alone() -> None:
+    black, clear = pours(PAD)
+    assert black.carbon_g == pytest.approx(black.mixed_g * assumption("carbon_black_share").value)
+    assert clear.carbon_g == 0.0
 
 
 def test_a_price_without_a_source_is_blank_and_said_so() -> None:

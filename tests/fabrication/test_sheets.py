@@ -20,10 +20,11 @@ from design.spec import SensorDesign
 from design.spec.properties import part_of
 from fabrication.driver_file import load_driver_config
 from fabrication.gain import SimulatedGain
-from fabrication.sheets.all_sheets import wiring_csv, write_sheets
+from fabrication.sheets.all_sheets import sheet_texts, wiring_csv, write_sheets
 from fabrication.sheets.bom import bom_rows
 from fabrication.sheets.casting import casting_md, plain
 from fabrication.sheets.wiring_svg import wiring_svg
+from tests.said import says
 
 PAD = preset("piacenza2017-pad")
 SVG = "{http://www.w3.org/2000/svg}"
@@ -155,6 +156,20 @@ def test_a_measured_value_need_not_be_measured_again() -> None:
     assert "| emitters.height_mm | 5 | not measured |" in sheet
 
 
+def test_a_blade_that_cannot_pass_is_not_asked_for() -> None:
+    assert "leveling blade" in casting_md(PAD)
+    low = casting_md(PAD.with_(**{"mold.rim_mm": 0.5}))
+    assert "R1 R2 R3 R4 R5 R6 R7 R8 protrude above the rim" in low
+    assert "Rest the leveling blade" not in low
+
+
+def test_too_little_curing_agent_for_the_scale_is_said_with_the_batch_that_is_enough() -> None:
+    # 1.05 g x 1.25 / 21 = 0.063 g of agent: 0.01 g is 16 % of it; 5 % needs 0.2 g, thus a batch of 4.2 g
+    assert says(casting_md(PAD), "4.20 g ... 1.32 g")
+    thick = casting_md(PAD.with_(**{"cavity.black_thickness_mm": 5.0}))
+    assert "little for" not in thick
+
+
 @given(st.text(max_size=60))
 def test_plain_text_stays_on_one_line_and_is_no_markup(text: str) -> None:
     shown = plain(text)
@@ -183,3 +198,7 @@ def test_all_sheets_are_written_and_the_configuration_loads(design: SensorDesign
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(files)
     assert load_driver_config(files["driver.toml"], digest=design.digest).gain.counts_per_flux == 1e5
     assert b"\r" not in files["bom.csv"].read_bytes() + files["wiring.csv"].read_bytes()
+
+
+def test_sheets_are_the_same_every_time() -> None:
+    assert sheet_texts(PAD) == sheet_texts(preset("piacenza2017-pad"))

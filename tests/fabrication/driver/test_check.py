@@ -73,6 +73,18 @@ def test_every_saturated_amplifier_is_named(part: str) -> None:
     assert kinds(check_frames(readings(f"saturated:{part}"), FOUND)) == [("saturated", (part,))]
 
 
+def test_a_dim_emitter_is_a_warning() -> None:
+    verdict = check_frames(readings("dim:E3", spread=0.3), FOUND)
+    assert [(p.kind, p.parts, p.is_error) for p in verdict.problems] == [("dim", ("E3",), False)]
+    assert verdict.is_good
+
+
+def test_no_light_at_all_is_one_problem() -> None:
+    (problem,) = check_frames(readings(gain=1e-6), FOUND).problems
+    assert problem.kind == "dead"
+    assert "supply" in problem.message
+
+
 def test_a_gain_far_too_high_is_told_by_the_channels_that_clip() -> None:
     found = check_frames(readings(gain=20.0), FOUND)
     assert {kind for kind, _ in kinds(found)} == {"saturated"}

@@ -113,6 +113,17 @@ def test_facing_rows_and_a_pad_have_no_winner_of_margin_and_depth(judged, tmp_pa
     assert next(one for one in comparing.measures_of(margins[1:], margins[1:])).winner == 0
 
 
+def test_an_undecided_verdict_makes_no_winner(tmp_path, monkeypatch):
+    def judge(design, **_):
+        made = dead_score(design) if design.cavity.clear_thickness_mm > 8 else contiguous_score(design)
+        return replace(made, is_open=made.verdict == "DEADBAND")
+
+    monkeypatch.setattr(comparing, "_judged", judge)
+    found = compared(tmp_path, PAIR, THICK)
+    assert found.winner_of_verdict is None
+    assert any("DEADBAND, undecided" in line for line in found.lines())
+
+
 def test_everything_is_written_into_the_first_designs_bundle(judged, tmp_path):
     found = compared(tmp_path, PAIR, THICK)
     bundle = tmp_path / bundle_name(PAIR)

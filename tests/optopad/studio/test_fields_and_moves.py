@@ -157,6 +157,20 @@ def test_a_round_mold_follows_the_disc_in_it(name: str) -> None:
         assert found.mold.outer_diameter_mm == pytest.approx(value + walls, abs=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("where", "path", "words"),
+    [
+        (DISC, "cavity.length_mm", "a disc has diameter_mm, no length_mm"),
+        (PAD, "cavity.diameter_mm", "diameter_mm"),
+        (DISC, "layout.0.pitch_mm", "layout.0.pitch_mm"),
+        (PAD, "crown.radius_mm", "crown.shape: is missing"),
+    ],
+)
+def test_a_field_that_a_design_has_not_is_refused_in_words(where: str, path: str, words: str) -> None:
+    with pytest.raises(DesignError, match=words):
+        ALL[where].with_(**changes_of(ALL[where], path, 20.0))
+
+
 @for_each(product([*FLAT_PRESETS, CROWNED], ["length", "width"]))
 def test_the_mold_s_outside_follows_the_pad_s_inside(name: str, side: str) -> None:
     design = preset(name)

@@ -305,3 +305,16 @@ def test_a_model_that_does_not_fit_is_refused_before_a_port_is_opened(
     with pytest.raises(InputError, match=told) as caught:
         sensor("nowhere", bundles, file)
     assert str(file) in str(caught.value)
+
+
+def test_a_frame_of_the_queue_that_was_dropped_is_missed(
+    bundles: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with FakePort(board()) as port, sensor(port.name, bundles) as live:
+        live.start()
+        waited(live, lambda view: view.normalised is not None)
+        monkeypatch.setattr("fabrication.driver.stream.QUEUE_FRAMES", 0)
+        time.sleep(0.1)
+        monkeypatch.undo()
+        view = waited(live, lambda view: view.view_lost > 0)
+    assert view.lost == 0
