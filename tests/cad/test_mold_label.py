@@ -12,8 +12,7 @@ from cad.mesh import read_stl
 from cad.mold import build_mold
 from cad.volume import mold_volume_mm3
 from design.errors import DesignError
-from design.mold.label import LARGEST_PITCH_MM, label_lines, letters, mold_label
-from design.mold.lettering import OVERLAP
+from design.mold.label import label_lines, letters, mold_label
 from design.mold.outline import outline_of
 from design.preset import preset
 from design.rules.check import check, require_valid
@@ -61,15 +60,6 @@ def test_the_label_takes_its_area_times_its_depth_away():
     label = mold_label(labelled("8"))
     taken = mold_volume_mm3(PAIR) - mold_volume_mm3(labelled("8"))
     assert taken == pytest.approx(label.area_mm2 * label.depth_mm, rel=1e-9)
-
-
-def test_an_l_is_read_from_below():
-    label = mold_label(labelled("L"))
-    upright = max(label.strokes, key=lambda stroke: stroke.y1 - stroke.y0)
-    foot = max(label.strokes, key=lambda stroke: stroke.x1 - stroke.x0)
-    assert upright.y1 - upright.y0 == pytest.approx((6 + OVERLAP) * LARGEST_PITCH_MM)
-    assert upright.x1 == foot.x1  # on the right when seen from above, on the left from below
-    assert upright.y0 == foot.y0
 
 
 def test_the_cavity_of_a_labelled_mold_is_the_optical_one(files):

@@ -300,12 +300,7 @@ _LAYOUTS = (
         "layout.1",
         "name E1",
     ),
-    _layout(
-        "a part past the corner",
-        FACING + _single("emitter", "north", 31.5),
-        "layout.1",
-        "north wall",
-    ),
+    _layout("a part past the corner", FACING + _single("emitter", "north", 31.5), "layout.1", "north wall"),
     _layout("a part beyond the wall", FACING + _single("emitter", "north", 299.0), "layout.1", "north wall"),
     _layout(
         "a place of a kilometre", FACING + _single("emitter", "north", 1e6), "layout.1.along_mm", "1000000.0"

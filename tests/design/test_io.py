@@ -124,12 +124,6 @@ def test_a_link_that_leads_out_of_the_folder_is_no_catalogue_file(tmp_path: Path
         load_design(folder / "d.toml")
 
 
-def test_a_missing_folder_is_named_and_nothing_is_made(tmp_path: Path) -> None:
-    with pytest.raises(OptopadError, match=r"nowhere/d\.toml: cannot be written: .* choose another folder"):
-        save_design(good(), tmp_path / "nowhere" / "d.toml")
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_a_failed_write_leaves_the_old_file_and_no_other(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

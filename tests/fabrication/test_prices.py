@@ -212,14 +212,6 @@ def test_a_part_number_that_a_buyer_replaces_keeps_its_price_and_is_ordered(
     assert all(row.part_number.startswith("MINE-") and row.manufacturer == "Mine" for row in bought)
 
 
-def test_a_part_number_that_a_buyer_adds_keeps_its_price(tmp_path: Path) -> None:
-    rows = tuple(replace(row, part_number="") for row in rows_of("piacenza2017-pad"))
-    prices = read_prices(renumbered(rows, tmp_path, "R-120", item="series resistor"))
-    (own,) = (row for row in priced(rows, prices) if row.item == "series resistor")
-    assert (own.cost is not None, own.part_number) == (True, "R-120")
-    assert unused_words(rows, prices) is None
-
-
 def test_a_resistor_of_another_value_does_not_get_the_number_of_the_old_one(tmp_path: Path) -> None:
     prices = read_prices(renumbered(bom_rows(PAD), tmp_path, "R-270", item="series resistor"))
     rows = tuple(replace(row, value="100 ohm") if row.value == "120 ohm" else row for row in bom_rows(PAD))

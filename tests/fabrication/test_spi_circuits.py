@@ -237,24 +237,6 @@ def test_a_target_of_ten_bits_is_warned_of_at_sixteen() -> None:
         assert not [one for one in warnings(design) if one.startswith("gain.target_counts")]
 
 
-def test_the_page_has_the_figures_of_the_model() -> None:
-    page = (Path(__file__).parents[2] / "docs" / "how-to" / "board-options.md").read_text(encoding="utf-8")
-    entries, use = packaged(), disc().board
-    rows = re.findall(r"^\| `(mcp3208|ads8688)` \|.*\| ([^|]+) \|$", page, re.MULTILINE)
-    assert [name for name, _ in rows] == list(CONVERTERS)
-    for name, said in rows:
-        boards = [entries.boards[one] for one in ("teensy-41", "arduino-uno-r4-minima")]
-        found = [reading_time_ms(board, use, entries.converters[name]) * 1e3 for board in boards]
-        figures = [float(one) for one in re.findall(r"([\d.]+) µs", said)]
-        assert figures == [round(one, 1) for one in dict.fromkeys(found)]
-    settles, period = (
-        entries.converters["ads8688"].filter_settles_us,
-        entries.led_drivers["tlc5947"].least_period_us,
-    )
-    assert f"settles in {settles:.0f} µs" in page
-    assert f"shortest period, {period:.0f} µs" in page.replace("\n  ", " ")
-
-
 def test_an_input_filter_settles_to_half_a_count() -> None:
     entry = packaged().converters["ads8688"]
     w = 2 * math.pi * 15e3

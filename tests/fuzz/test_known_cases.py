@@ -21,7 +21,6 @@ from optopad.cli.main import BAD_INPUT, main
 from sims.learning.inference.model_file import load_model, save_model
 from sims.readings.dataset import read_data, save_data
 from sims.readings.recording import read_recording
-from sims.score.scoring import ScoreCost, score_cost
 from tests.design.search.cheap_search import cheap_space
 from tests.sims.learning.made_up_models import made_up_kernel_ridge
 from tests.sims.readings.test_dataset import made_up
@@ -254,26 +253,6 @@ def test_a_netcdf_file_that_unpacks_to_terabytes_is_refused(tmp_path):
         held.create_dataset("more", shape=(2**42,), dtype="f4", chunks=(1024,))
     with pytest.raises(InputError, match="reads at most"):
         read_data(file)
-
-
-def test_a_long_score_is_foretold_and_a_short_one_not():
-    pair = score_cost(preset("piacenza2017-pair"), fine=False, full=False)
-    assert pair.core_s > 64.0 / 2.0  # measured processor time [s]
-    assert pair.sentence(4) == ""
-    wide = ScoreCost(presses=750, pairs=400, core_s=360.0)
-    assert wide.sentence(2).startswith("score: about 3 minutes on 2 cores (750 presses x 400 pairs")
-    assert wide.sentence(16).startswith("score: about 20 seconds on 16 cores")
-    assert wide.sentence(32) == ""
-
-
-def test_the_cost_of_a_score_grows_with_pairs_and_places():
-    pad = preset(PAD)
-    quick, full = (score_cost(pad, fine=False, full=of) for of in (False, True))
-    assert quick.pairs == 64
-    maps = [cost.stages_s["map"] for cost in (quick, full)]
-    assert maps[1] > 5.0 * maps[0]
-    assert np.isclose(maps[1] / full.presses, maps[0] / quick.presses, rtol=0.5)
-    assert full.core_s > quick.core_s + maps[1] - maps[0]
 
 
 @pytest.mark.parametrize(

@@ -112,12 +112,6 @@ def test_a_score_has_verdict_figures_and_the_document_of_the_bundle(judged):
     assert repr(found).splitlines()[1].startswith("verdict     DEADBAND: E2-R2 does not resolve ")
 
 
-def test_a_score_shows_its_governing_pair_in_a_notebook(judged):
-    html = optopad.score(THICK)._repr_html_()
-    assert "DEADBAND" in html
-    assert picture_in(html).tag.endswith("svg")
-
-
 def test_plots_of_a_score_take_axes_or_make_them(judged):
     found = optopad.score(THICK)
     own = found.plot_signal()

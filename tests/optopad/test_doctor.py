@@ -17,11 +17,10 @@ import pytest
 
 from optopad import doctor
 from optopad.cli import main
-from optopad.doctor import Failure, Package, Requirement, explain_import_error
+from optopad.doctor import Requirement, explain_import_error
 from tests.said import says
 
 ROOT = Path(__file__).parents[2]
-CADQUERY = Package("cadquery", "cadquery", "2.8")
 
 
 def missing_library(text: str) -> ImportError:
@@ -140,23 +139,6 @@ def test_an_import_that_hangs_is_given_up(tmp_path: Path, monkeypatch: pytest.Mo
     failure = doctor.import_failure("broken_room")
     assert failure is not None
     assert "0.5 s" in failure.reason
-
-
-@pytest.mark.parametrize(
-    ("version", "failure", "state", "detail"),
-    [
-        ("2.8.0", None, "ok", "2.8.0"),
-        ("2.10", None, "ok", "2.10"),
-        ("2.7.9", None, "missing", "2.7.9, needs >= 2.8"),
-        ("", None, "missing", "not installed"),
-        ("2.8.0", Failure("no", "yes"), "missing", "2.8.0: no"),
-    ],
-)
-def test_a_package_is_judged_by_release_and_import(
-    version: str, failure: Failure | None, state: str, detail: str
-) -> None:
-    finding = doctor.package_finding(CADQUERY, version, failure)
-    assert (finding.state, finding.detail) == (state, detail)
 
 
 FOLDERS = {

@@ -196,11 +196,7 @@ def test_times_may_be_written_as_dates_and_lengths_in_other_units(tmp_path: Path
     [
         ("time_s,x_mm,y_mm", ["0,1,1", "1,1,1"], "has no depth_mm"),
         ("x_mm,y_mm,depth_mm", ["1,1,1", "1,1,1"], "CSV table ... time_s"),
-        (
-            "time_s,x_mm,y_mm,depth_mm",
-            ["0,1,1,1", "1,1,nan,1"],
-            "3: y_mm is 'nan'",
-        ),
+        ("time_s,x_mm,y_mm,depth_mm", ["0,1,1,1", "1,1,nan,1"], "3: y_mm is 'nan'"),
         ("time_s,x_mm,y_mm,depth_mm", ["0,1,1,1", "1,1,,1"], "row 3: y_mm is ''"),
         ("time_s,x_mm,y_mm,depth_mm", ["0,1,1,1", "1,1,1"], "row 3 has 3 values, the heading 4 columns"),
         (
@@ -224,11 +220,7 @@ def test_times_may_be_written_as_dates_and_lengths_in_other_units(tmp_path: Path
             ["0,1,1,1,0", "1,1,1,1,b"],
             "row 3: 'place' is 'b', needs a whole",
         ),
-        (
-            "time_s,x_mm,y_mm,depth_mm,set,role",
-            ["0,1,1,1,a,x", "1,1,1,1,a,x"],
-            "'x', needs",
-        ),
+        ("time_s,x_mm,y_mm,depth_mm,set,role", ["0,1,1,1,a,x", "1,1,1,1,a,x"], "'x', needs"),
         (
             "time_s,x_mm,y_mm,depth_mm,set,ambient",
             ["0,1,1,1,a,x", "1,1,1,1,a,x"],

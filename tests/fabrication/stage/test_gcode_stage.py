@@ -115,10 +115,7 @@ def test_a_position_that_is_not_surely_one_is_refused(line: str) -> None:
 @pytest.mark.parametrize(
     ("answer", "told"),
     [
-        (
-            f"{NO_PLACES[1]}\nok\n",
-            "M114 has.*'ok MCS.*of G1",
-        ),
+        (f"{NO_PLACES[1]}\nok\n", "M114 has.*'ok MCS.*of G1"),
         ("X:1 Y:2 Z:3\nok\n", "M114 gives"),
     ],
 )

@@ -79,10 +79,7 @@ def test_a_check_of_the_good_design_ends_with_zero(folder: Path, capsys: pytest.
 
 CHANGES = [
     ("cavity.clear_thickness_mm=0.5", "cavity.clear_thickness_mm: 0.5 ... least 1 mm"),
-    (
-        "cavity.clear_thickness_mm=thick",
-        "cavity.clear_thickness_mm: 'thick'",
-    ),
+    ("cavity.clear_thickness_mm=thick", "cavity.clear_thickness_mm: 'thick'"),
     ("cavity.clear_thicknes_mm=8", "did you mean cavity.clear_thickness_mm"),
     ("cavity.clear_thickness_mm", "PATH=VALUE"),
     ("=8", "PATH=VALUE"),

@@ -11,7 +11,7 @@ from design.preset import preset
 from fabrication.bundle import altered_files, bundle_name
 from optopad.cli import main
 from optopad.jobs import sweep as sweeping
-from optopad.jobs.sweep import marked, run_sweep
+from optopad.jobs.sweep import run_sweep
 from optopad.results.figures import TABLE_WIDTH, figures_of
 from optopad.results.sweep import Sweep
 from optopad.work import FinishedWork
@@ -269,12 +269,6 @@ def test_a_bad_sweep_is_refused_before_anything_is_computed(judged, tmp_path, ca
     assert words in capsys.readouterr().err
     assert judged == []
     assert not (tmp_path / "out").exists()
-
-
-def test_a_mold_of_a_set_carries_its_value_and_so_does_its_folder():
-    design = marked(PAIR.with_(**{THICKNESS: 8.5}), 8.5)
-    assert design.mold.label == "8.5"
-    assert design.name == "piacenza2017-pair-8.5"
 
 
 @pytest.mark.full

@@ -132,24 +132,6 @@ def test_the_mold_is_drawn_cut_open_whole_or_not_at_all(shown):
 
 
 @pytest.mark.slow
-def test_through_a_whole_mold_seen_from_the_side_no_light_is_drawn(shown):
-    colour = """(() => {
-      const canvas = document.querySelector('#rays-view canvas');
-      const pixels = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
-      let blue = 0;
-      for (let k = 0; k < pixels.length; k += 4) {
-        if (pixels[k + 3] === 255 && pixels[k + 2] > pixels[k] + 90) blue += 1;
-      }
-      return blue;
-    })()"""
-    choose(shown, "[data-do=side]")
-    assert shown.run(colour) > 100  # cut open: direct light in blue
-    choose(shown, "input[name=rays-mold][value=whole]")
-    names_only = shown.run(colour)
-    assert names_only < 20
-
-
-@pytest.mark.slow
 def test_a_press_a_kind_and_a_pair_can_be_chosen(shown):
     choose(shown, "input[name=rays-press][value='3']")
     pressed = told(shown, "rays-view")
@@ -176,18 +158,6 @@ def test_the_picker_draws_each_pair_with_its_modes_and_deadband(shown):
         assert shown.run("document.querySelectorAll('[data-plot] polyline').length") == 4
         choose(shown, "[data-step='1']")
     assert told(shown, "pairs-view")["pair"] == score.pairs[0].name  # round again
-
-
-@pytest.mark.slow
-def test_the_depth_of_the_picker_reads_the_curves(shown):
-    pair = dead_score(PAIR).pairs[0]
-    focus(shown, "#pairs-depth")
-    shown.press("End")
-    assert told(shown, "pairs-view")["depth"] == "5.00"
-    share = float(pair.curves.total[-1] / pair.curves.total[0])
-    assert text_of(shown, "[data-value=total]") == f"{100 * share:.1f} %"
-    shown.press("ArrowLeft", times=3)
-    assert told(shown, "pairs-view")["depth"] == "4.97"
 
 
 @pytest.mark.slow

@@ -49,24 +49,12 @@ def test_the_next_command_makes_the_move_that_helps():
     ("path", "within", "words"),
     [
         ("receivers.height_mm", 0.2, " with a calliper"),
-        (
-            "receivers.height_mm",
-            0.022,
-            "30 presses",
-        ),
+        ("receivers.height_mm", 0.022, "30 presses"),
         ("receivers.height_mm", 0.012, "measuring microscope"),
-        (
-            "receivers.height_mm",
-            0.004,
-            "measuring microscope",
-        ),
+        ("receivers.height_mm", 0.004, "measuring microscope"),
         ("part_measurements.x.active_height_mm", 0.35, " with a measuring microscope"),
         ("elastomer.refractive_index", 0.004, " with an Abbe refractometer"),
-        (
-            "surfaces.wall_reflectance",
-            0.004,
-            "30 presses",
-        ),
+        ("surfaces.wall_reflectance", 0.004, "30 presses"),
         ("elastomer.youngs_modulus_mpa", 0.1, ""),
     ],
 )

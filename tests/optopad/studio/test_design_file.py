@@ -133,21 +133,6 @@ def test_a_part_dragged_out_of_its_pattern_keeps_every_comment_and_every_other_l
     assert gone[0].startswith("along_mm = ")
 
 
-@pytest.mark.parametrize("name", PRESETS)
-def test_an_optional_field_set_and_unset_leaves_the_file_as_it_was(name: str, tmp_path: Path) -> None:
-    path = copy_of(name, tmp_path)
-    file = DesignFile(str(path))
-    design = file.saved
-    for key, value in (
-        ("elastomer.youngs_modulus_mpa", 2.0),
-        ("elastomer.viscoelastic", {"relaxed_share": 0.1, "time_constant_s": 1.0}),
-    ):
-        file.save(design.with_(**{key: value}))
-        assert path.read_text(encoding="utf-8") != preset_text(name)
-        file.save(design)
-        assert path.read_text(encoding="utf-8") == preset_text(name)
-
-
 def test_ends_of_lines_and_a_byte_order_mark_stay(tmp_path: Path) -> None:
     text = "\ufeff" + preset_text(PAD).replace("\n", "\r\n")
     path = copy_of(PAD, tmp_path, text)
@@ -457,15 +442,3 @@ def test_edits_saved_on_the_way_load_as_the_design_on_the_table(data: st.DataObj
         assert [one for one in comments_of(preset_text(name)) if one not in after] == []
         shutil.copy(path, path.with_name("copy.toml"))
         assert DesignFile(str(path.with_name("copy.toml"))).saved.digest == design.digest
-
-
-@pytest.mark.parametrize("name", SHAPED_PRESETS)
-def test_every_field_of_a_disc_or_crown_is_saved_with_its_comments(name: str, tmp_path: Path) -> None:
-    path = copy_of(name, tmp_path)
-    file = DesignFile(str(path))
-    for field in editable_fields_of(preset(name)):
-        value = field.choices[-1] if isinstance(field.value, str) else field.value + field.step
-        design = preset(name).with_(**changes_of(preset(name), field.path, value))
-        file.save(design)
-        assert load_design(path).digest == design.digest
-        require_kept(preset_text(name), path.read_text(encoding="utf-8"))

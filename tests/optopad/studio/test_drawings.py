@@ -22,7 +22,7 @@ from optopad.studio.drawings import QUANTITIES, curves_svg, map_svg, quantity, r
 from optopad.studio.live import LiveView
 from optopad.studio.live_results import LiveVerdict, Progress
 from optopad.studio.pad_mesh import cut_open
-from optopad.studio.sentences import bad_parts, pins_html, said_html, sensor_html, verdict_html
+from optopad.studio.sentences import pins_html, said_html, sensor_html, verdict_html
 from optopad.studio.session import LivePress, Said, Version
 from optopad.studio.surface_mesh import pressed_top
 from sims.readings.readout import Readout
@@ -113,19 +113,6 @@ def test_a_pair_s_row_shows_its_modes_and_deadbands_where_they_are() -> None:
     assert float(dead.attrib["width"]) == pytest.approx(per_mm * (end - start), abs=0.05)
 
 
-@pytest.mark.parametrize("first", [0.0, 1e-12])
-def test_a_pair_that_sees_nothing_untouched_is_drawn_within_the_frame(first: float) -> None:
-    pair = made_up_pair()
-    total = pair.curves.total.copy()
-    total[0] = first
-    dark = replace(pair, curves=replace(pair.curves, total=total))
-    svg = curves_svg(curves(made_up_pair("E2-R2"), dark), 1.0)
-    for line, _ in titled(drawn(svg), "polyline"):
-        heights = [float(point.split(",")[1]) for point in line.attrib["points"].split()]
-        assert 8.0 <= min(heights) <= max(heights) <= 138.0
-    assert len(svg) < 20_000
-
-
 @pytest.mark.parametrize("name", QUANTITIES)
 def test_a_map_has_a_cell_a_place_and_what_is_blind_is_hatched(name: str) -> None:
     score, cavity = BOUNDED, cavity_of(preset(PAD))
@@ -149,16 +136,6 @@ def test_a_map_has_a_cell_a_place_and_what_is_blind_is_hatched(name: str) -> Non
     scale = (400 - 52) / 32.0
     assert area == pytest.approx((scale * (5 * pitch)) ** 2, rel=0.01)
     assert f"{found.title} [{found.unit}]" in texts(root)
-
-
-def test_a_map_shows_every_part_by_name_and_the_bad_ones_red() -> None:
-    cavity = cavity_of(preset(OBLONG))
-    root = drawn(map_svg(cavity, None, PRESS, ("E3", "R7")))
-    names = [part.name for part in cavity.parts]
-    assert [text for text in texts(root) if text in names] == names
-    dots = [one.attrib["fill"] for one in root.iter("circle") if one.attrib["r"] == "3.4"]
-    assert [name for name, colour in zip(names, dots, strict=True) if colour == "#d1242f"] == ["E3", "R7"]
-    assert "pad: no map" in root.attrib["aria-label"]
 
 
 def test_a_map_is_the_pad_seen_from_above() -> None:
@@ -254,20 +231,6 @@ def test_what_is_said_is_text_whatever_it_is(number: int) -> None:
     plain = Words(list(sentences_of("E1"))[number])
     assert words.tags - {"b"} == plain.tags - {"b"}
     assert words.tags <= {"b", "div", "span", "table", "tr", "td", "th"}
-
-
-@pytest.mark.parametrize(
-    ("changes", "bad"),
-    [
-        ({}, ()),
-        ({"receivers.height_mm": 8.5}, tuple(f"R{k}" for k in range(1, 9))),
-        ({"layout.0.pitch_mm": 9.0}, ("R2", "R4", "R6", "R8")),
-    ],
-)
-def test_bad_parts_are_those_that_an_error_is_about(changes: dict[str, float], bad: tuple[str, ...]) -> None:
-    design = preset(PAD).with_(**changes)
-    found = bad_parts(version(design), cavity_of(design).parts)
-    assert found == bad
 
 
 def box(size: tuple[float, float, float]) -> tuple[np.ndarray, np.ndarray]:

@@ -12,7 +12,7 @@ from design.errors import DesignError, InputError
 from design.fields.base import get_at
 from design.io import file_schema
 from design.preset import FLAT_PRESETS, SHAPED_PRESETS, preset
-from design.shape.cavity import PlacedPart, cavity_of, plan_of
+from design.shape.cavity import cavity_of, plan_of
 from design.spec import SensorDesign
 from optopad.studio.editable_fields import (
     BY_HAND,
@@ -237,31 +237,6 @@ def test_a_part_moved_up_takes_all_of_its_kind_along_but_those_with_a_height_of_
         assert found.layout == design.layout or was[name].height_field.startswith("layout.")
 
 
-def test_a_part_with_a_height_of_its_own_rises_alone() -> None:
-    design = by_side().with_(**{"layout.2.height_mm": 5.0})
-    found = after(design, "corner", height_mm=5.5)
-    assert part_named(found, "corner").height_mm == 5.5
-    assert part_named(found, "R1").height_mm == 6.0
-    assert found.receivers.height_mm == 6.0
-
-
-@pytest.mark.parametrize(("along_mm", "height_mm"), [(20.0, None), (20.0, 4.0)])
-def test_a_part_dragged_out_of_a_row_by_side_keeps_part_and_height_of_its_own(
-    along_mm: float, height_mm: float | None
-) -> None:
-    design = by_side()
-    found = after(design, "E2", along_mm=along_mm, height_mm=height_mm)
-    part = part_named(found, "E2")
-    assert part.part_id == "generic-emitter"
-    assert part.height_mm == (4.4 if height_mm is None else height_mm)
-    assert part.height_field == f"{part.origin}.height_mm"
-    assert part.along_mm == along_mm
-    others = [one for one in cavity_of(found).emitters if one.name != "E2"]
-    assert {(one.part_id, one.height_mm) for one in others} == {("generic-emitter", 4.4)}
-    assert found.emitters == design.emitters
-    assert found.layout[-2:] == design.layout[-2:]
-
-
 @for_each(DESIGNS)
 def test_with_its_whole_row_the_pattern_stays(where: str) -> None:
     design = DESIGNS[where]
@@ -275,24 +250,6 @@ def test_with_its_whole_row_the_pattern_stays(where: str) -> None:
             assert part_named(found, name).along_mm == pytest.approx(part.along_mm + 0.5, abs=ROUNDING_MM)
         else:  # a pitch does not move the part in the middle
             assert found.digest == design.digest
-
-
-def row(design: SensorDesign, part: PlacedPart) -> list[float]:
-    """Places of a part's wall and pattern [mm]."""
-    return sorted(
-        one.along_mm for one in cavity_of(design).parts if (one.wall, one.origin) == (part.wall, part.origin)
-    )
-
-
-def test_a_row_moves_by_its_shift_where_it_has_one_and_else_by_its_pitch() -> None:
-    design = by_side()
-    part = part_named(design, "R1")
-    shifted = row(after(design, "R1", along_mm=6.5, with_row=True), part)
-    assert shifted == pytest.approx([one + 6.5 - part.along_mm for one in row(design, part)], abs=1e-6)
-    ring = preset(PAD)
-    assert moved(ring, "E1", along_mm=5.2, with_row=True) == {"layout.0.pitch_mm": 7.2}
-    assert moved(preset(PAIR), "R3", along_mm=16.0, with_row=True) == {"layout.0.pitch_mm": 6.0}
-    assert moved(preset(PAIR), "R2", along_mm=12.0, with_row=True) == {}
 
 
 @for_each(DESIGNS)

@@ -108,12 +108,7 @@ FOREIGN: list[tuple[str, str, tuple[str, ...], str]] = [
     *[(host, "/TOKEN/", (), "^Host ") for host in [*FOREIGN_HOSTS.split(), ""]],
     (HERE, "/TOKEN/", ("Host: evil.example:PORT",), "refused: the studio"),
     *[(HERE, "/TOKEN/", (f"Origin: {one}",), "^Origin .* is refused: ") for one in FOREIGN_ORIGINS.split()],
-    (
-        HERE,
-        "/TOKEN/",
-        (OURS, "Origin: http://evil.example"),
-        "studio's own page",
-    ),
+    (HERE, "/TOKEN/", (OURS, "Origin: http://evil.example"), "studio's own page"),
     *[(HERE, path, (), "^No or a wrong token") for path in WRONG_PATHS.split()],
     *[(HERE, path, (OURS,), "^No or a wrong token") for path in WRONG_PATHS.split()],
 ]
@@ -280,18 +275,19 @@ ODD: tuple[Any, ...] = (
         [1e9] * 3,
         [[]],
     ),
+    *({}, {"value": 1}, {"value": "x"}, {"value": None}, {"update_cb": []}, {"removed": True}, {1: 2}),
     *(
-        {},
-        {"value": 1},
-        {"value": "x"},
-        {"value": None},
-        {"update_cb": []},
-        {"removed": True},
-        {1: 2},
         "start",
         "click",
+        "update",
+        "end",
+        "left",
+        "shift",
+        "rect-select",
+        "/tip/body",
+        "/parts/E1/body",
+        "/pad/top",
     ),
-    *("update", "end", "left", "shift", "rect-select", "/tip/body", "/parts/E1/body", "/pad/top"),
 )
 
 

@@ -149,15 +149,6 @@ def test_undo_and_redo_walk_back_and_forth_through_every_step(session: Session, 
     assert session.said.text == "redone: cavity.clear_thickness_mm 9.5 to 10 mm"
 
 
-def test_an_edit_after_undo_ends_what_could_be_done_again(session: Session, clock: Clock) -> None:
-    thicknesses(session, clock, 9.0, 10.0)
-    session.undo()
-    thicknesses(session, clock, 11.0)
-    assert session.can_redo is False
-    session.undo()
-    assert session.design.cavity.clear_thickness_mm == 9.0
-
-
 def test_quick_edits_of_one_field_are_one_step_and_its_words_tell_both_ends(
     session: Session, clock: Clock
 ) -> None:
@@ -179,24 +170,6 @@ def test_a_drag_is_one_step_whose_words_name_part_and_place(session: Session, cl
     assert session.said.text == session.now.words
     session.undo()
     assert session.design.digest == preset(PAD).digest
-
-
-def test_pins_are_the_newest_four_designs_and_none_twice(session: Session, clock: Clock) -> None:
-    session.pin()
-    session.pin()
-    assert [one.design.digest for one in session.pinned] == [session.design.digest]
-    digests = []
-    for value in (9.0, 10.0, 11.0, 12.0):
-        thicknesses(session, clock, value)
-        session.pin()
-        digests.append(session.design.digest)
-    assert [one.design.digest for one in session.pinned] == digests
-    session.unpin(digests[1])
-    assert [one.design.digest for one in session.pinned] == [digests[0], *digests[2:]]
-    session.take(session.pinned[0].design, "pinned design again")
-    assert session.design.digest == digests[0]
-    session.undo()
-    assert session.design.digest == digests[-1]
 
 
 @pytest.mark.parametrize(
@@ -305,19 +278,3 @@ def test_a_change_that_nobody_has_looked_at_is_not_saved_over(session: Session, 
     assert "mixing_ratio = 15.0 " in file.read_text(encoding="utf-8")
     session.look_at_file()
     assert session.design.elastomer.mixing_ratio == 15.0
-
-
-def test_every_change_is_told_to_those_who_listen(session: Session) -> None:
-    told: list[Said] = []
-    session.listen(lambda: told.append(session.said))
-    session.set_field(CLEAR, 9.0)
-    session.set_field(CLEAR, 0.0)
-    session.move_tip(x_mm=10.0)
-    session.move_tip(x_mm=10.0)
-    session.undo()
-    session.redo()
-    session.pin()
-    session.unpin(session.design.digest)
-    session.say("hello")
-    assert [one.is_bad for one in told] == [False, True, True, False, False, False, False, False]
-    assert told[-1].text == "hello"

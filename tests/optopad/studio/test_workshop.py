@@ -171,17 +171,6 @@ def test_answers_are_those_of_the_physics_asked_directly() -> None:
     assert judged.score.to_json() == draft_score(PAIR, seed=5).to_json()
 
 
-def test_back_at_a_former_press_its_answers_come_again() -> None:
-    other = LivePress(x_mm=11.0, y_mm=9.0, depth_mm=2.0)
-    with working(request_of()) as (shop, answers):
-        end = answers.wait_idle(answers.wait(is_level("draft")))
-        for press in (other, PRESS):
-            shop.want(request_of(press=press))
-            end = answers.wait_idle(answers.wait(lambda one: isinstance(one, Look), end + 1))
-            assert answers.of(Look)[-1].press == press
-            assert answers.of(Curves)[-1].found.place_mm == press.place_mm
-
-
 def test_after_many_quick_wishes_only_the_last_design_is_judged(slow_score: dict[str, Any]) -> None:
     slow_score["enough"] = True
     designs = [PAIR.with_(**{CLEAR: 8.05 + 0.05 * k}) for k in range(20)]
@@ -317,27 +306,6 @@ def test_a_fault_of_ours_is_said_and_the_rest_of_the_work_is_done(
             "optopad's own failure (ZeroDivisionError: of ours); please report it"
         )
     assert "ZeroDivisionError: of ours" in capsys.readouterr().err
-
-
-def test_a_live_solve_of_a_tip_is_given_up_with_its_design(monkeypatch: pytest.MonkeyPatch) -> None:
-    ended = threading.Event()
-
-    def solve(_design: SensorDesign, on_step: Callable[[float], None]) -> None:
-        try:
-            for number in range(3000):
-                on_step(number / 3000)
-                time.sleep(0.01)
-        finally:
-            ended.set()
-
-    monkeypatch.setattr("sims.contact.indentation.round_press", solve)
-    with working(request_of()) as (shop, answers):
-        answers.wait(lambda one: isinstance(one, Progress) and one.stage == "contact")
-        monkeypatch.undo()
-        shop.want(request_of(PAIR.with_(**{CLEAR: 9.0})))
-        assert ended.wait(2.0)
-        answers.wait(lambda one: isinstance(one, Curves))
-        assert answers.of(Failed) == []
 
 
 def test_closing_ends_a_score_within_two_seconds_and_twice_is_once(slow_score: dict[str, Any]) -> None:

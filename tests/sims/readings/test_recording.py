@@ -169,18 +169,9 @@ def test_several_places_need_one_that_is_named(simulated, tmp_path):
 @pytest.mark.parametrize(
     ("columns", "words"),
     [
-        (
-            {"depth_mm": [0.0, 1.0, np.nan], "signal": [1.0, 2.0, 3.0]},
-            "4: depth_mm is 'nan'",
-        ),
-        (
-            {"depth_mm": [0.0, 1.0], "signal": [np.nan, np.nan]},
-            "2: signal ... 'nan', needs",
-        ),
-        (
-            {"depth": [0.0, 1.0], "signal": [1.0, 2.0]},
-            "CSV with ... depth_mm",
-        ),
+        ({"depth_mm": [0.0, 1.0, np.nan], "signal": [1.0, 2.0, 3.0]}, "4: depth_mm is 'nan'"),
+        ({"depth_mm": [0.0, 1.0], "signal": [np.nan, np.nan]}, "2: signal ... 'nan', needs"),
+        ({"depth": [0.0, 1.0], "signal": [1.0, 2.0]}, "CSV with ... depth_mm"),
         ({"depth_mm": [0.0, 1.0], "light": [1.0, 2.0]}, "CSV with ... depth_mm"),
         ({"depth_mm": [], "signal": []}, "0 rows below the heading"),
     ],

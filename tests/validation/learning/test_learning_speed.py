@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, replace
+from dataclasses import asdict
 
 import pytest
 
-from tests.validation.learning import learning_speed
 from tests.validation.learning.learning_speed import (
     Case,
     Outcome,
@@ -27,18 +26,6 @@ def test_refined_single_precision_says_the_same_presses(ridge):
     assert largest_difference_mm(single, exact) < 1e-4
     assert largest_difference_mm(single, exact) <= largest_difference_mm(plain, exact)
     assert exact.memory_gb < 2.0
-
-
-def test_the_page_has_every_case_and_no_hole():
-    made = Outcome(wall_s=12.3, processor_s=20.0, memory_gb=1.25, told_mm=[[1.0, 2.0, 3.0]])
-    found = {case.name: made for case in (*learning_speed.SPEED, *learning_speed.PRECISION)}
-    off = replace(made, told_mm=[[1.0, 2.0, 3.08]])
-    found[Case(learning_speed.PRECISION_SAMPLES, "plain", 1e-4).name] = off
-    page = learning_speed.page_text(found)
-    assert "| 24,000 | double precision, exact | 12 | 20 | 1.25 |" in page
-    assert "| 24,000 | approximation, 4,000 landmarks | 12 | 20 | 1.25 |" in page
-    assert "| 0.0001 | 0.08 | 0 |" in page
-    assert "{" not in page
 
 
 def test_finished_fits_are_found_again(tmp_path):

@@ -330,14 +330,7 @@ def test_an_untouched_crown_is_known_to_be_untouched():
             InputError,
             "indentations[0] ... 3 mm down ... of 3 mm",
         ),
-        (
-            disc_scene(),
-            [2.0, 2.0],
-            dimple(1.0),
-            None,
-            InputError,
-            "centres_mm[0]: 2, 2 mm ... 2.14214 mm",
-        ),
+        (disc_scene(), [2.0, 2.0], dimple(1.0), None, InputError, "centres_mm[0]: 2, 2 mm ... 2.14214 mm"),
         (
             disc_scene(crown_radius_mm=CROWN_MM),
             [DISC_MM + 11.95 * math.cos(0.3 * math.pi / 8), DISC_MM + 11.95 * math.sin(0.3 * math.pi / 8)],

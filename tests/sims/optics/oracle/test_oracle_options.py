@@ -331,12 +331,7 @@ def test_a_bad_option_is_refused_by_name(changes, message):
     [
         ([[CENTRE]], [[dimple(1.0)] * 2], None, "indentations[0]: 2 presses for 1 locations"),
         ([[CENTRE] * 2], [dimple(1.0)], None, "indentations[0]: 1 presses for 2 locations"),
-        (
-            [[CENTRE, [40.0, 2.0]]],
-            [[dimple(1.0)] * 2],
-            None,
-            "centres_mm[0, 1] ... 40 mm is",
-        ),
+        ([[CENTRE, [40.0, 2.0]]], [[dimple(1.0)] * 2], None, "centres_mm[0, 1] ... 40 mm is"),
         ([CENTRE], [None], [None, None], "fields: 2 given, needs 1"),
         ([[[CENTRE]]], [None], None, "centres_mm: shape (1, 1, 1, 2), needs (1, 2)"),
     ],
