@@ -43,6 +43,7 @@ def write_log(file: Path, time_s: np.ndarray, force: np.ndarray, name: str = "fo
     return file
 
 
+@pytest.mark.slow
 def test_a_log_by_the_same_clock_and_by_another_that_is_off_by_a_percent_gives_the_same_modulus(
     files: tuple[Path, Path], tmp_path: Path
 ) -> None:
