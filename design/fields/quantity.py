@@ -46,11 +46,18 @@ def lambertian_order(half_angle_deg: float) -> float:
     return round(math.log(0.5) / math.log(math.cos(math.radians(half_angle_deg))), ORDER_DIGITS)
 
 
-Confidence = Literal["measured", "read", "inferred", "unverified"]
+Confidence = Annotated[
+    Literal["measured", "read", "inferred", "unverified"],
+    Field(description="`measured`, `read`, `inferred` or `unverified`"),
+]
 CONFIDENCES: tuple[Confidence, ...] = ("measured", "read", "inferred", "unverified")
 """Confidence levels, from highest to lowest."""
 
 Text = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1)]
+Title = Annotated[Text, Field(description="full name")]
+Maker = Annotated[Text, Field(description="who makes it")]
+Source = Annotated[Text, Field(description="where the values come from")]
+Notes = Annotated[tuple[Text, ...], Field(description="free text")]
 
 
 class Quantity(Model):
@@ -72,7 +79,7 @@ class Quantity(Model):
 class Cost(Model):
     """A quoted price and its date."""
 
-    value: Annotated[float, Field(ge=0.0)]
+    value: Annotated[float, Field(ge=0.0, description="price of one component")]
     currency: Annotated[str, Field(pattern=r"^[A-Z]{3}$", description="ISO 4217 code, as EUR")]
     date: Annotated[
         str,
@@ -81,7 +88,7 @@ class Cost(Model):
             description="of the quote: yyyy-mm or yyyy-mm-dd",
         ),
     ]
-    source: Text
+    source: Source
 
 
 def check_band(value: float, low: float | None, high: float | None) -> None:

@@ -17,7 +17,11 @@ from pydantic import Field, model_validator
 
 from design.arrays import FloatArray
 from design.fields.base import Model
-from design.fields.quantity import Confidence, Text
+from design.fields.quantity import (
+    Confidence,
+    Source,
+    Text,
+)
 
 MAX_POINTS = 400
 FLAT_FACE_LEAST_DEG = 40.0
@@ -40,7 +44,7 @@ class AngularTable(Model):
         tuple[Relative, ...],
         Field(min_length=2, max_length=MAX_POINTS, description="at these angles, in any unit"),
     ]
-    source: Text
+    source: Source
     confidence: Confidence
     adapted: Text | None = None
     """Changes that were made to the points of a file, if any."""

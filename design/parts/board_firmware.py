@@ -12,7 +12,11 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from design.fields.base import Model
-from design.fields.quantity import Confidence, Text
+from design.fields.quantity import (
+    Confidence,
+    Notes,
+    Text,
+)
 
 PortBit = Annotated[str, Field(pattern=r"^[A-L][0-7]$")]
 """Letter of a port and number of a bit, such as H3."""
@@ -37,9 +41,9 @@ class BoardFirmware(Model):
     mcu: Annotated[str, Field(pattern=r"^atmega[0-9a-z]+$", description="as the compiler names the chip")]
     signature: Annotated[str, Field(pattern=r"^[0-9a-f]{6}$", description="of the chip, hexadecimal")]
     flash_bytes: Annotated[int, Field(gt=0, description="program memory without the boot loader")]
-    ram_bytes: Annotated[int, Field(gt=0)]
+    ram_bytes: Annotated[int, Field(gt=0, description="memory of the chip")]
     programmer: Annotated[Text, Field(description="avrdude's name of the boot loader's protocol")]
-    upload_baud: Annotated[int, Field(ge=1200)]
+    upload_baud: Annotated[int, Field(ge=1200, description="baud rate of the boot loader")]
     arduino_board: Annotated[Text, Field(description="as the Arduino IDE names the board")]
     pin_ports: Annotated[tuple[PortBit, ...], Field(description="port and bit by pin number, from 0")]
     channel_mux: Annotated[
@@ -98,7 +102,7 @@ class ArduinoProgram(Model):
     boot_drive: Annotated[
         BootDrive | None, Field(description="of a board that takes UF2 files; absent: none")
     ] = None
-    notes: tuple[Text, ...] = ()
+    notes: Notes = ()
 
     @property
     def arduino_board(self) -> str:

@@ -45,6 +45,8 @@ from design.fields.quantity import (
     DensityGPerCm3,
     HalfAngleDeg,
     LengthMm,
+    Maker,
+    Notes,
     PowerMw,
     Quantity,
     Reflectance,
@@ -52,6 +54,7 @@ from design.fields.quantity import (
     ResponsivityAPerW,
     Text,
     TimeUs,
+    Title,
     VoltageV,
     WavelengthNm,
 )
@@ -139,9 +142,9 @@ class Part(Model):
 
     unsaid = (*_EMITTER_OPTIONS, *_RECEIVER_OPTIONS, "view")
 
-    kind: Literal["emitter", "receiver"]
-    title: Text
-    manufacturer: Text
+    kind: Annotated[Literal["emitter", "receiver"], Field(description="emitter or receiver")]
+    title: Title
+    manufacturer: Maker
     mounting: Annotated[
         Literal["radial", "surface"],
         Field(
@@ -167,7 +170,7 @@ class Part(Model):
     lead_diameter_mm: Annotated[
         LengthMm, Field(description="diagonal of a square lead; for surface parts, of the wire soldered on")
     ]
-    lead_count: Annotated[int, Field(ge=2, le=16)]
+    lead_count: Annotated[int, Field(ge=2, le=16, description="leads or wires of the part")]
     lead_setback_mm: Annotated[
         LengthMm | None,
         Field(description="radial: leads behind the active face; default: half the body's depth"),
@@ -214,8 +217,13 @@ class Part(Model):
             description="receiver: response of the data sheet in air; replaces the half angle; needs epoxy_index"
         ),
     ] = None
-    cost: Cost | None = None
-    notes: tuple[Text, ...] = ()
+    cost: Annotated[
+        Cost | None,
+        Field(
+            description="price of one component, for the bill of materials and as an objective of a search"
+        ),
+    ] = None
+    notes: Notes = ()
 
     @model_validator(mode="after")
     def _has_the_fields_of_its_kind(self) -> Self:
@@ -282,14 +290,14 @@ class MoldMaterial(Model):
 
     unsaid = ("refractive_index",)
 
-    title: Text
+    title: Title
     wall_reflectance: Annotated[Reflectance, Field(description="diffuse share of the incident light")]
-    density_g_per_cm3: DensityGPerCm3
+    density_g_per_cm3: Annotated[DensityGPerCm3, Field(description="density of the printed material")]
     refractive_index: Annotated[
         RefractiveIndex | None,
         Field(description="of the bulk material, for walls with surfaces.wall_finish = 'glossy'"),
     ] = None
-    notes: tuple[Text, ...] = ()
+    notes: Notes = ()
 
 
 class Board(Model):
@@ -320,11 +328,11 @@ class Board(Model):
         "warnings",
     )
 
-    title: Text
+    title: Title
     source: Annotated[Text, Field(description="source of the plain numbers of this entry")]
     confidence: Confidence
-    clock_hz: Annotated[int, Field(gt=0, le=1_000_000_000)]
-    adc_bits: Annotated[int, Field(ge=8, le=24)]
+    clock_hz: Annotated[int, Field(gt=0, le=1000000000, description="clock of the chip")]
+    adc_bits: Annotated[int, Field(ge=8, le=24, description="resolution of the converter")]
     supply_v: Annotated[
         float | None,
         Field(
@@ -348,7 +356,9 @@ class Board(Model):
             gt=0.0, le=6.0, description="of the converter, for board.reference = 'internal'; absent: none [V]"
         ),
     ] = None
-    adc_clocks_per_conversion: Annotated[int | None, Field(ge=1, le=1000, description="AVR only")] = None
+    adc_clocks_per_conversion: Annotated[
+        int | None, Field(ge=1, le=1000, description="AVR boards: clock cycles of the converter per reading")
+    ] = None
     adc_prescalers: Annotated[
         tuple[int, ...] | None, Field(min_length=1, description="AVR only: ADC clock = clock / prescaler")
     ] = None
@@ -374,8 +384,8 @@ class Board(Model):
         int | None,
         Field(ge=1000, description="native USB: what the link carries; absent: a serial chip at board.baud"),
     ] = None
-    max_pin_current_ma: CurrentMa
-    max_total_current_ma: CurrentMa
+    max_pin_current_ma: Annotated[CurrentMa, Field(description="largest current of one pin")]
+    max_total_current_ma: Annotated[CurrentMa, Field(description="largest current of all pins together")]
     link_number: Annotated[
         int, Field(ge=0, le=255, description="how the firmware names the board to the host; 0: any other")
     ] = 0
@@ -397,7 +407,7 @@ class Board(Model):
         tuple[Text, ...] | None,
         Field(description="faults of the board that `check` repeats to whoever uses it"),
     ] = None
-    notes: tuple[Text, ...] = ()
+    notes: Notes = ()
 
     @property
     def divides_clock(self) -> bool:

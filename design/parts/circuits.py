@@ -17,9 +17,11 @@ from design.fields.quantity import (
     CurrentMa,
     FrequencyKhz,
     FrequencyMhz,
+    Notes,
     ResistanceOhm,
     Text,
     TimeUs,
+    Title,
     VoltageV,
 )
 from design.recordings import lit_emitters
@@ -45,12 +47,12 @@ class Voltages(Protocol):
 class Chip(Model):
     """A circuit between the board and the sensor's parts, supplied at the level of the board's pins."""
 
-    title: Text
+    title: Title
     source: Annotated[Text, Field(description="where the plain numbers of this entry come from")]
     confidence: Confidence
     supply_low_v: Annotated[float, Field(gt=0.0, le=30.0, description="least supply [V]")]
     supply_high_v: Annotated[float, Field(gt=0.0, le=30.0, description="most supply [V]")]
-    notes: tuple[Text, ...] = ()
+    notes: Notes = ()
 
     @property
     def name(self) -> str:

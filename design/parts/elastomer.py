@@ -26,9 +26,12 @@ from design.fields.quantity import (
     AbsorptionDbPerCm,
     Confidence,
     DensityGPerCm3,
+    Maker,
+    Notes,
     PoissonRatio,
     Quantity,
-    Text,
+    Source,
+    Title,
     check_band,
     weakest,
 )
@@ -44,9 +47,13 @@ class IndexTable(Model):
     """Table of the refractive index by wavelength, at one mixing ratio."""
 
     mixing_ratio: MixingRatio
-    wavelength_um: Annotated[tuple[WavelengthUm, ...], Field(min_length=1)]
-    index: Annotated[tuple[RefractiveIndex, ...], Field(min_length=1)]
-    source: Text
+    wavelength_um: Annotated[
+        tuple[WavelengthUm, ...], Field(min_length=1, description="wavelengths of the table")
+    ]
+    index: Annotated[
+        tuple[RefractiveIndex, ...], Field(min_length=1, description="refractive index at these wavelengths")
+    ]
+    source: Source
     confidence: Confidence
 
     @model_validator(mode="after")
@@ -66,11 +73,11 @@ class IndexFormula(Model):
     It only widens the band.
     """
 
-    b: Annotated[float, Field(gt=0.0, le=10.0)]
-    c_um2: Annotated[float, Field(ge=0.0, lt=0.04)]
-    from_um: WavelengthUm
-    to_um: WavelengthUm
-    source: Text
+    b: Annotated[float, Field(gt=0.0, le=10.0, description="b of n² = 1 + b λ² / (λ² - c)")]
+    c_um2: Annotated[float, Field(ge=0.0, lt=0.04, description="c of the same formula [µm²]")]
+    from_um: Annotated[WavelengthUm, Field(description="shortest wavelength of the formula")]
+    to_um: Annotated[WavelengthUm, Field(description="longest wavelength of the formula")]
+    source: Source
     confidence: Confidence
 
     @model_validator(mode="after")
@@ -89,10 +96,10 @@ class ModulusRow(Model):
     """Young's modulus at one mixing ratio."""
 
     mixing_ratio: MixingRatio
-    modulus_mpa: Annotated[float, Field(gt=0.0, le=100.0)]
+    modulus_mpa: Annotated[float, Field(gt=0.0, le=100.0, description="Young's modulus")]
     low: Annotated[float, Field(gt=0.0, le=100.0, description="lower end of the band [MPa]")]
     high: Annotated[float, Field(gt=0.0, le=100.0, description="upper end of the band [MPa]")]
-    source: Text
+    source: Source
     confidence: Confidence
 
     @model_validator(mode="after")
@@ -104,29 +111,42 @@ class ModulusRow(Model):
 class Cure(Model):
     """One cure schedule: temperature and time."""
 
-    temperature_c: Annotated[float, Field(ge=0.0, le=250.0)]
-    minutes: Annotated[float, Field(gt=0.0, le=30000.0)]
-    source: Text
+    temperature_c: Annotated[
+        float, Field(ge=0.0, le=250.0, description="temperature of the oven or the room")
+    ]
+    minutes: Annotated[float, Field(gt=0.0, le=30000.0, description="time at this temperature")]
+    source: Source
     confidence: Confidence
 
 
 class Elastomer(Model):
     """A clear two-part silicone; a kit whose parts are mixed in equal amounts has the mixing ratio 1."""
 
-    title: Text
-    manufacturer: Text
+    title: Title
+    manufacturer: Maker
     mixing_ratio_low: MixingRatio
     mixing_ratio_high: MixingRatio
-    density_g_per_cm3: DensityGPerCm3
-    poisson_ratio: PoissonRatio
-    absorption_db_per_cm: AbsorptionDbPerCm
-    index: Annotated[tuple[IndexTable, ...], Field(min_length=1)]
+    density_g_per_cm3: Annotated[
+        DensityGPerCm3,
+        Field(description="density of the cured silicone, from which the build sheet computes grams"),
+    ]
+    poisson_ratio: Annotated[PoissonRatio, Field(description="Poisson's ratio of the cured silicone")]
+    absorption_db_per_cm: Annotated[
+        AbsorptionDbPerCm, Field(description="absorption of light in the clear layer")
+    ]
+    index: Annotated[
+        tuple[IndexTable, ...],
+        Field(min_length=1, description="refractive index by mixing ratio: a table over the wavelength"),
+    ]
     index_band: Annotated[
         tuple[IndexFormula, ...], Field(description="other sources; they widen the band")
     ] = ()
-    modulus: Annotated[tuple[ModulusRow, ...], Field(min_length=1)]
-    cure: tuple[Cure, ...] = ()
-    notes: tuple[Text, ...] = ()
+    modulus: Annotated[
+        tuple[ModulusRow, ...],
+        Field(min_length=1, description="Young's modulus by mixing ratio, with its band"),
+    ]
+    cure: Annotated[tuple[Cure, ...], Field(description="temperatures and times of the cure")] = ()
+    notes: Notes = ()
 
     @model_validator(mode="after")
     def _ratios_are_in_order(self) -> Self:

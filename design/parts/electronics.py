@@ -18,9 +18,11 @@ from design.fields.quantity import (
     Confidence,
     CurrentMa,
     FrequencyMhz,
+    Notes,
     OutputMarginMv,
     SlewVPerUs,
     Text,
+    Title,
 )
 from design.parts.circuits import Chip
 
@@ -52,7 +54,7 @@ class Amplifier(Chip):
 class Transistor(Model):
     """A bipolar NPN transistor that switches one emitter."""
 
-    title: Text
+    title: Title
     source: Annotated[Text, Field(description="where the plain numbers of this entry come from")]
     confidence: Confidence
     saturation_ma: Annotated[
@@ -60,7 +62,7 @@ class Transistor(Model):
         Field(description="most collector current with stated saturation at a base current of a tenth"),
     ]
     most_collector_v: Annotated[float, Field(gt=0.0, le=1000.0, description="most collector voltage [V]")]
-    notes: tuple[Text, ...] = ()
+    notes: Notes = ()
 
     @property
     def name(self) -> str:

@@ -15,7 +15,12 @@ from pydantic import Field
 
 from design.fields.base import Model
 from design.fields.packaged import data_table
-from design.fields.quantity import Confidence, Cost, Text
+from design.fields.quantity import (
+    Confidence,
+    Cost,
+    Source,
+    Text,
+)
 
 OHM_PER_UNIT = ((1e6, "M"), (1e3, "K"), (1.0, "R"))
 TENTHS = "9"
@@ -38,7 +43,7 @@ class Order(Model):
     low: float | None = None
     high: float | None = None
     most_mw: float | None = None
-    source: Text
+    source: Source
     confidence: Confidence
     cost: Cost | None = None
 

@@ -39,7 +39,14 @@ from design.arrays import FloatArray
 from design.csv_table import numbered_points
 from design.errors import DesignError
 from design.fields.base import Model
-from design.fields.quantity import NM_PER_UM, Confidence, Quantity, Text, weakest
+from design.fields.quantity import (
+    NM_PER_UM,
+    Confidence,
+    Quantity,
+    Source,
+    Text,
+    weakest,
+)
 
 CURVE_FILE = "curve_csv"
 CURVES = {
@@ -180,11 +187,14 @@ class Spectrum(Model):
 
     unsaid = ("adapted",)
 
-    wavelength_nm: Annotated[tuple[Nanometres, ...], Field(min_length=2, max_length=MAX_POINTS)]
+    wavelength_nm: Annotated[
+        tuple[Nanometres, ...],
+        Field(min_length=2, max_length=MAX_POINTS, description="wavelengths of the table"),
+    ]
     weight: Annotated[
         tuple[Weight, ...], Field(min_length=2, max_length=MAX_POINTS, description="in any unit")
     ]
-    source: Text
+    source: Source
     confidence: Confidence
     adapted: Text | None = None
     """Changes that were made to the points of a file, if any."""

@@ -68,8 +68,12 @@ class Indenter(Model):
 
     unsaid = ("shape", "edge_radius_mm", "cone_half_angle_deg", "apex_radius_mm", "profile_mm")
 
-    tip_radius_mm: Annotated[float, Field(ge=0.5, le=20.0)] = 3.0
-    shape: Literal["hemisphere", "flat_punch", "cone", "profile"] = "hemisphere"
+    tip_radius_mm: Annotated[
+        float, Field(ge=0.5, le=20.0, description="radius of the tip and of its shank")
+    ] = 3.0
+    shape: Annotated[
+        Literal["hemisphere", "flat_punch", "cone", "profile"], Field(description="form of the tip")
+    ] = "hemisphere"
     edge_radius_mm: Annotated[
         float | None,
         Field(

@@ -39,7 +39,7 @@ PartName = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,15}$")]
 class AlternatingRing(Model):
     """Alternating emitters and receivers around the perimeter, evenly spaced along each wall."""
 
-    pattern: Literal["alternating_ring"]
+    pattern: Annotated[Literal["alternating_ring"], Field(description="name of the pattern")]
     parts_per_side: Annotated[
         Annotated[int, Field(ge=1, le=32)] | tuple[Count, Count, Count, Count],
         Field(description="parts on each wall: one number, or [south, east, north, west]; the sum is even"),
@@ -65,8 +65,10 @@ class AlternatingRing(Model):
 class FacingRows(Model):
     """A row of emitters facing a row of receivers on the opposite wall, at the same positions."""
 
-    pattern: Literal["facing_rows"]
-    emitter_wall: Wall = "west"
+    pattern: Annotated[Literal["facing_rows"], Field(description="name of the pattern")]
+    emitter_wall: Annotated[Wall, Field(description="wall of the emitters; the receivers are opposite")] = (
+        "west"
+    )
     count: Annotated[int, Field(ge=1, le=32, description="emitters, and as many receivers")]
     pitch_mm: Annotated[PitchMm | None, Field(description="distance between neighbours [mm]")] = None
 
@@ -77,12 +79,12 @@ class PerSide(Model):
     If a row of emitters and a row of receivers would have parts at the same position, the parts alternate.
     """
 
-    pattern: Literal["per_side"]
-    kind: Kind
-    south: Count = 0
-    east: Count = 0
-    north: Count = 0
-    west: Count = 0
+    pattern: Annotated[Literal["per_side"], Field(description="name of the pattern")]
+    kind: Annotated[Kind, Field(description="emitter or receiver")]
+    south: Annotated[Count, Field(description="parts on the wall at y = 0")] = 0
+    east: Annotated[Count, Field(description="parts on the wall at the largest x")] = 0
+    north: Annotated[Count, Field(description="parts on the wall at the largest y")] = 0
+    west: Annotated[Count, Field(description="parts on the wall at x = 0")] = 0
     pitch_mm: Annotated[PitchMm | None, Field(description="distance between neighbours [mm]")] = None
     shift_mm: Annotated[
         float, Field(ge=-100.0, le=100.0, description="moves the whole row along its wall [mm]")
@@ -94,9 +96,9 @@ class PerSide(Model):
 class Single(Model):
     """One part at a given position in a straight wall."""
 
-    pattern: Literal["single"]
-    kind: Kind
-    wall: Wall
+    pattern: Annotated[Literal["single"], Field(description="name of the pattern")]
+    kind: Annotated[Kind, Field(description="emitter or receiver")]
+    wall: Annotated[Wall, Field(description="wall of the part")]
     along_mm: Annotated[AlongMm, Field(description="distance from the wall's low-x or low-y corner [mm]")]
     part: Annotated[PartId | None, Field(description="catalogue part; default: the section's")] = None
     height_mm: Annotated[HeightMm | None, Field(description="height above the clear layer's bottom")] = None
@@ -106,7 +108,7 @@ class Single(Model):
 class DiscRing(Model):
     """As many emitters as receivers around a disc, alternating, evenly spaced and counter-clockwise."""
 
-    pattern: Literal["disc_ring"]
+    pattern: Annotated[Literal["disc_ring"], Field(description="name of the pattern")]
     count: Annotated[int, Field(ge=1, le=32, description="emitters, and as many receivers")]
     first: Annotated[Kind, Field(description="kind of the part at first_angle_deg")] = "emitter"
     first_angle_deg: Annotated[AngleDeg, Field(description="direction of the first part from the centre")] = (
@@ -117,7 +119,7 @@ class DiscRing(Model):
 class Ring(Model):
     """Any number of emitters and of receivers around any outline, evenly spaced along each of its walls."""
 
-    pattern: Literal["ring"]
+    pattern: Annotated[Literal["ring"], Field(description="name of the pattern")]
     emitters: Annotated[int, Field(ge=1, le=64, description="number of emitters")]
     receivers: Annotated[int, Field(ge=1, le=64, description="number of receivers")]
     sequence: Annotated[
@@ -155,8 +157,8 @@ class Ring(Model):
 class AtAngles(Model):
     """Parts of one kind (emitters or receivers) in round walls, in given directions from the wall's centre."""
 
-    pattern: Literal["at_angles"]
-    kind: Kind
+    pattern: Annotated[Literal["at_angles"], Field(description="name of the pattern")]
+    kind: Annotated[Kind, Field(description="emitter or receiver")]
     angles_deg: Annotated[
         tuple[AngleDeg, ...], Field(min_length=1, max_length=64, description="one direction per part")
     ]

@@ -246,7 +246,7 @@ class Mold(Model):
         float, Field(ge=0.0, le=1.0, description="added to a lead's diameter for its hole")
     ] = 0.3
     min_web_mm: Annotated[float, Field(ge=0.2, le=5.0, description="thinnest wall the printer makes")] = 0.8
-    material: PartId = "abs-black"
+    material: Annotated[PartId, Field(description="catalogue entry of the printed material")] = "abs-black"
     label: Annotated[
         str,
         Field(
@@ -329,11 +329,22 @@ class Elastomer(Model):
 
     unsaid = ("viscoelastic",)
 
-    material: PartId = "sylgard-184"
+    material: Annotated[PartId, Field(description="catalogue entry of the clear silicone")] = "sylgard-184"
     mixing_ratio: Annotated[float, Field(gt=0.0, le=100.0, description="base over curing agent by weight")]
-    refractive_index: Annotated[float | None, Field(ge=1.0, le=2.5)] = None
-    absorption_db_per_cm: Annotated[float | None, Field(ge=0.0, le=50.0)] = None
-    youngs_modulus_mpa: Annotated[float | None, Field(gt=0.0, le=100.0)] = None
+    refractive_index: Annotated[
+        float | None, Field(ge=1.0, le=2.5, description="refractive index, in place of the catalogue's")
+    ] = None
+    absorption_db_per_cm: Annotated[
+        float | None, Field(ge=0.0, le=50.0, description="absorption of light, in place of the catalogue's")
+    ] = None
+    youngs_modulus_mpa: Annotated[
+        float | None,
+        Field(
+            gt=0.0,
+            le=100.0,
+            description="Young's modulus, in place of the catalogue's; it scales force alone",
+        ),
+    ] = None
     viscoelastic: Annotated[
         Viscoelastic | None,
         Field(description="viscoelastic load, in the load protocol only; absent: elastic"),
@@ -345,9 +356,15 @@ class Surfaces(Model):
 
     unsaid = ("wall_finish", "wall_index")
 
-    wall_reflectance: Annotated[float, Field(ge=0.0, le=0.99)] = 0.05
-    bottom_reflectance: Annotated[float, Field(ge=0.0, le=0.99)] = 0.03
-    tip_reflectance: Annotated[float, Field(ge=0.0, le=0.99)] = 0.0
+    wall_reflectance: Annotated[
+        float, Field(ge=0.0, le=0.99, description="share of the light that walls scatter")
+    ] = 0.05
+    bottom_reflectance: Annotated[
+        float, Field(ge=0.0, le=0.99, description="share of the light that the bottom scatters")
+    ] = 0.03
+    tip_reflectance: Annotated[
+        float, Field(ge=0.0, le=0.99, description="share of the light that the tip scatters")
+    ] = 0.0
     wall_finish: Annotated[
         Literal["diffuse", "glossy", "air_gap"],
         Field(
@@ -364,7 +381,7 @@ class Surfaces(Model):
 class Emitters(Model):
     """Defaults of all emitters; an entry of the layout may override them."""
 
-    part: PartId
+    part: Annotated[PartId, Field(description="catalogue entry of every emitter")]
     height_mm: Annotated[
         float,
         Field(gt=0.0, le=50.0, description="centre of the emitting area above the clear layer's bottom"),
@@ -374,7 +391,7 @@ class Emitters(Model):
 class Receivers(Model):
     """Defaults of all receivers; an entry of the layout may override them."""
 
-    part: PartId
+    part: Annotated[PartId, Field(description="catalogue entry of every receiver")]
     height_mm: Annotated[
         float, Field(gt=0.0, le=50.0, description="centre of the active area above the clear layer's bottom")
     ]
@@ -448,7 +465,7 @@ class BoardUse(Model):
 
     unsaid = ("receivers", "emitters", "amplifier", "transistor", "averages", "reference", "dark")
 
-    kind: PartId = "arduino-mega-2560"
+    kind: Annotated[PartId, Field(description="catalogue entry of the board")] = "arduino-mega-2560"
     emitter_pins: Annotated[
         tuple[Annotated[int, Field(ge=0, le=200)], ...] | None,
         Field(max_length=200, description="one digital pin per emitter"),
@@ -490,7 +507,9 @@ class BoardUse(Model):
             description="dark state: one at the end of a frame, or one before and one after each emitter's state"
         ),
     ] = "frame"
-    baud: Annotated[int, Field(ge=1200, le=4_000_000)] = 1_000_000
+    baud: Annotated[int, Field(ge=1200, le=4000000, description="rate of the serial line, bits a second")] = (
+        1000000
+    )
     frame_rate_hz: Annotated[
         float, Field(ge=0.001, le=1e5, description="required number of full frames per second")
     ] = 60.0
@@ -509,7 +528,14 @@ class Gain(Model):
 
     unsaid = ("feedback_ohm",)
 
-    target_counts: Annotated[float, Field(gt=0.0, le=65535.0)] = 300.0
+    target_counts: Annotated[
+        float,
+        Field(
+            gt=0.0,
+            le=65535.0,
+            description="reading of the median judged pair without contact; the gain rule does not exceed it",
+        ),
+    ] = 300.0
     feedback_ohm: Annotated[
         Ohm | tuple[Ohm, ...] | Literal["common", "each"],
         Field(description="a rule, one resistance for all receivers, or one for each in their order"),
@@ -530,9 +556,14 @@ class SensorDesign(Model):
 
     unsaid = ("tolerances", "crown")
 
-    schema_version: Literal[1]
-    name: FileName
-    description: str = ""
+    schema_version: Annotated[
+        Literal[1], Field(description="version of the file format; `optopad migrate` converts older files")
+    ]
+    name: Annotated[
+        FileName,
+        Field(description="letters, digits, dot, dash and underscore; the bundle's folder begins with it"),
+    ]
+    description: Annotated[str, Field(description="free text, one line")] = ""
     measured: Annotated[
         tuple[Annotated[str, Field(max_length=200)], ...],
         Field(

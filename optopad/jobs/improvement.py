@@ -391,7 +391,7 @@ class Confirmation:
         self.overrated, self.most_mm = 0.0, math.inf
         self._differences = [0.0]
         self._overrates: list[tuple[Tried, float]] = []
-        self._lit, self._bounded = set[object](), set[object]()
+        self._lit, self._bounded, self._hoped = set[object](), set[object](), dict[object, float]()
         self._revised: dict[int, tuple[Tried, int]] = {}
         before = self.verdict(space.base)
         self._deciding_mm = _deciding_places(before)
@@ -495,7 +495,7 @@ class Confirmation:
                 if one is None or (kind is None and (self.best(KINDS[0]) or number >= LEAST_JUDGED)):
                     break
                 self._add(one)
-                best = None if kind is None else self.best(kind)
+                best = None if kind is None or kind in BOUND_AIMS else self.best(kind)
                 if best is not None and best.is_robust:
                     break
         reserve_s = self.costs.bounds_s + self.costs.tolerance_s
@@ -514,16 +514,16 @@ class Confirmation:
         return self._offered()
 
     def _single_changes(self, tried: Sequence[Tried]) -> list[Tried]:
-        """For each field, the design with the largest margin in the search that changes it alone, besides the gain.
+        """For each field, the best design of the search that changes it alone, besides the gain.
 
         It is what a user would try by hand, and the error of quick light may hide how good it is.
         """
         best = dict[frozenset[str], Tried]()
-        for one in sorted(tried, key=lambda one: margin_of(one.judged)):
+        for one in sorted(tried, key=self.by_aim):
             fields = frozenset(changes_of(self.space, one.parameters)) - {TARGET}
             if one.digest and len(fields) <= 1 and is_possible(one.judged):
                 best[fields] = one
-        return sorted(best.values(), key=lambda one: margin_of(one.judged), reverse=True)
+        return sorted(best.values(), key=self.by_aim, reverse=True)
 
     def _next_of(self, kind: Kind | None, tried: Sequence[Tried]) -> Tried | None:
         """The next candidate for a kind that is not scored yet; for None, the best of all designs.
@@ -591,6 +591,8 @@ class Confirmation:
             self._revise(one)
             one = self._latest(one)
         self._learn(one.judged, score)
+        if self.aim is not None and self.aim in BOUND_AIMS:
+            self._hoped[_light_of(one)] = one.judged.figures.get(AIMS[self.aim]) or math.inf
         if score.margin is not None:
             self._overrates.append((one, margin_of(one.judged) - score.margin))
         if (score.margin or 0.0) > 0.5 * DEADBAND_THRESHOLD:
@@ -677,9 +679,13 @@ class Confirmation:
         return [self.pool[pick.tried.digest] for pick in every]
 
     def _bound_best(self, kind: Kind) -> None:
-        """Compute bounds of the scored designs that may be the best of a kind, those with the largest margin first."""
-        possible = [one for one in self.pool.values() if is_possible(one.tried.judged)]
-        for one in sorted(possible, key=lambda one: margin_of(one.tried.judged), reverse=True):
+        """Compute bounds of the scored designs that may be the best of a kind.
+
+        They are taken in the order of the aim's figure in quick light, if it is known, then by margin, largest first.
+        """
+        possible = [one.tried for one in self.pool.values() if is_possible(one.tried.judged)]
+        possible.sort(key=lambda one: (self._hoped.get(_light_of(one), math.inf), -margin_of(one.judged)))
+        for one in (self.pool[tried.digest] for tried in possible):
             is_known = _light_of(one.tried) in self._bounded
             is_over = self.spent_s > self.costs.budget_s and kind not in BOUND_AIMS
             if is_known or (len(self._bounded) < MOST_BOUNDS and not is_over):

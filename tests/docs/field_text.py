@@ -41,73 +41,6 @@ UNITS = {
 QUANTITY = "Quantity"
 """Title of the table of a value with its source; the page describes its fields once, in its head."""
 
-MEANINGS = {
-    "schema_version": "version of the file format; `optopad migrate` converts older files",
-    "name": "letters, digits, dot, dash and underscore; the bundle's folder begins with it",
-    "description": "free text, one line",
-    "mold.material": "catalogue entry of the printed material",
-    "elastomer.material": "catalogue entry of the clear silicone",
-    "elastomer.refractive_index": "refractive index, in place of the catalogue's",
-    "elastomer.absorption_db_per_cm": "absorption of light, in place of the catalogue's",
-    "elastomer.youngs_modulus_mpa": "Young's modulus, in place of the catalogue's; it scales force alone",
-    "surfaces.wall_reflectance": "share of the light that walls scatter",
-    "surfaces.bottom_reflectance": "share of the light that the bottom scatters",
-    "surfaces.tip_reflectance": "share of the light that the tip scatters",
-    "emitters.part": "catalogue entry of every emitter",
-    "receivers.part": "catalogue entry of every receiver",
-    "indenter.tip_radius_mm": "radius of the tip and of its shank",
-    "indenter.shape": "form of the tip",
-    "board.kind": "catalogue entry of the board",
-    "board.baud": "rate of the serial line, bits a second",
-    "gain.target_counts": "reading of the median judged pair without contact; the gain rule does not exceed it",
-    "layout.N.pattern": "name of the pattern",
-    "layout.N.emitter_wall": "wall of the emitters; the receivers are opposite",
-    "layout.N.kind": "emitter or receiver",
-    "layout.N.wall": "wall of the part",
-    "layout.N.south": "parts on the wall at y = 0",
-    "layout.N.east": "parts on the wall at the largest x",
-    "layout.N.north": "parts on the wall at the largest y",
-    "layout.N.west": "parts on the wall at x = 0",
-    "parts.NAME.kind": "emitter or receiver",
-    "parts.NAME.lead_count": "leads or wires of the part",
-    "parts.NAME.cost": "price of one component, for the bill of materials and as an objective of a search",
-    "parts.NAME.cost.value": "price of one component",
-    "elastomers.NAME.density_g_per_cm3": "density of the cured silicone, from which the build sheet computes grams",
-    "elastomers.NAME.poisson_ratio": "Poisson's ratio of the cured silicone",
-    "elastomers.NAME.absorption_db_per_cm": "absorption of light in the clear layer",
-    "elastomers.NAME.index": "refractive index by mixing ratio: a table over the wavelength",
-    "elastomers.NAME.index.N.wavelength_um": "wavelengths of the table",
-    "elastomers.NAME.index.N.index": "refractive index at these wavelengths",
-    "elastomers.NAME.index_band.N.b": "b of n² = 1 + b λ² / (λ² - c)",
-    "elastomers.NAME.index_band.N.c_um2": "c of the same formula [µm²]",
-    "elastomers.NAME.index_band.N.from_um": "shortest wavelength of the formula",
-    "elastomers.NAME.index_band.N.to_um": "longest wavelength of the formula",
-    "elastomers.NAME.modulus.N.modulus_mpa": "Young's modulus",
-    "elastomers.NAME.cure.N.temperature_c": "temperature of the oven or the room",
-    "elastomers.NAME.cure.N.minutes": "time at this temperature",
-    "elastomers.NAME.modulus": "Young's modulus by mixing ratio, with its band",
-    "elastomers.NAME.cure": "temperatures and times of the cure",
-    "mold_materials.NAME.density_g_per_cm3": "density of the printed material",
-    "boards.NAME.clock_hz": "clock of the chip",
-    "boards.NAME.adc_bits": "resolution of the converter",
-    "boards.NAME.adc_clocks_per_conversion": "clock cycles of the converter per reading",
-    "boards.NAME.max_pin_current_ma": "largest current of one pin",
-    "boards.NAME.max_total_current_ma": "largest current of all pins together",
-    "boards.NAME.firmware.ram_bytes": "memory of the chip",
-    "boards.NAME.firmware.upload_baud": "baud rate of the boot loader",
-}
-"""Meaning of fields that have no description in the schema."""
-
-MEANING_BY_NAME = {
-    "title": "full name",
-    "manufacturer": "who makes it",
-    "source": "where the values come from",
-    "confidence": "`measured`, `read`, `inferred` or `unverified`",
-    "notes": "free text",
-    "wavelength_nm": "wavelengths of the table",
-}
-"""Meaning of fields that are in many tables."""
-
 Schema = dict[str, Any]
 
 
@@ -210,16 +143,15 @@ def _field(schema: Schema, owner: Schema, name: str, path: str) -> Field:
         _unit_of(name, whole),
         _allowed(schema, raw),
         _default(name, owner, whole),
-        _meaning(path, whole, raw),
+        _meaning(whole, raw),
     )
 
 
-def _meaning(path: str, whole: Schema, raw: Schema) -> str:
+def _meaning(whole: Schema, raw: Schema) -> str:
     """The schema's description; a table's own, if the field has none, only where it is not one of many."""
-    name = path.rpartition(".")[2]
-    said = MEANINGS.get(path) or raw.get("description")
+    said = raw.get("description")
     if said is None and not _is_quantity(whole):
-        said = MEANING_BY_NAME.get(name) or whole.get("description")
+        said = whole.get("description")
     return _line(said or "")
 
 
