@@ -19,7 +19,7 @@ from design.io import load_design
 from design.preset import PRESETS, preset
 from design.rules.check import notes, require_valid
 from optopad.cli.main import main
-from optopad.screen.verdict import verdict_screen
+from optopad.screen.verdict import checks_line, verdict_screen
 from optopad.screen.verdict_sentences import cause_sentence
 from tests.design.bad_designs import BAD_DESIGNS, FILE_NAME, design_text, put
 from tests.design.parts import test_catalog
@@ -91,6 +91,10 @@ def _screens() -> Iterator[tuple[str, str]]:
         for is_open in (False, True):
             lines = verdict_screen(design, replace(shown, is_open=is_open), [], command="pad.toml")
             yield f"screen: {design.name}, {score.verdict}{', undecided' * is_open}", "\n".join(lines)
+    warned = [{"name": "mold: print bed", "state": "warning"}]
+    broken = [*warned, {"name": "mold: volume", "state": "error"}]
+    for is_ok, findings in ((True, []), (True, warned), (False, broken)):
+        yield "mold on the screen", checks_line({"ok": is_ok, "findings": findings})
 
 
 def text_of_all() -> str:

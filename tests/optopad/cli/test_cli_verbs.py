@@ -8,7 +8,6 @@ from design.io import load_design
 from design.preset import PRESETS, preset
 from optopad.cli import main
 from optopad.cli.physics import parsed_sweep
-from optopad.screen.verdict import checks_line
 from optopad.work import parsed_change, parsed_value
 
 
@@ -147,17 +146,6 @@ def test_migrate_keeps_the_file_that_it_reads(folder, capsys, monkeypatch):
     assert main(["migrate", "mine.toml", "--out", "mine.toml"]) == 2
     assert "command reads" in capsys.readouterr().err
     assert (folder / "mine.toml").read_bytes() == old
-
-
-def test_the_mold_s_line_names_what_did_not_hold():
-    checks = {
-        "ok": True,
-        "findings": [{"name": "mold: print bed", "state": "warning"}, {"name": "b", "state": "ok"}],
-    }
-    assert checks_line(checks) == "mold      printable, 1 warning (mold: print bed); see cad/checks.json"
-    assert checks_line({"ok": True, "findings": []}) == "mold      printable, no findings (cad/checks.json)"
-    broken = {"ok": False, "findings": [*checks["findings"], {"name": "mold: volume", "state": "error"}]}
-    assert checks_line(broken).startswith("mold      NOT printable, 1 error (mold: volume), 1 warning (")
 
 
 @pytest.mark.parametrize(
