@@ -53,12 +53,13 @@ test-all: test test-slow test-full bench-smoke ## all of these and every benchma
 durations: ## the costliest test files of the last runs
 	@$(if $(DURATIONS),$(BIN)/python -m tests.durations $(DURATIONS),echo "no durations yet: run make test")
 
-lint: setup ## style, format, types, and the arrows between the rooms
+lint: setup ## style, format, types, the arrows between the rooms, and unclear words as warnings
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/mypy --python-version 3.10 --no-warn-return-any $(patsubst %,-p %,$(ALONE))
 	$(BIN)/lint-imports --no-cache
+	$(BIN)/python -m tests.plain_words
 
 docs: setup ## the pages of docs/ as a site: build/docs/index.html; a link that leads nowhere is an error
 	$(BIN)/python -m sphinx -q -W --keep-going -n -b html -d build/docs-doctrees docs build/docs

@@ -18,9 +18,6 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 HOUSE = ("design", "cad", "sims", "fabrication", "optopad")
-MOST_FILES = 16
-"""A folder with more needs a reason at its door: a line of its docstring that begins with `REASON`."""
-REASON = "More files than sixteen:"
 
 FLOORS: dict[str, tuple[str, ...]] = {
     "": ("design", "cad", "sims", "fabrication", "optopad"),

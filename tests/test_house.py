@@ -15,24 +15,18 @@ from pathlib import Path
 
 import pytest
 
-from tests.house_map import PICTURE, picture
 from tests.rooms import (
     FLOORS,
-    MOST_FILES,
-    REASON,
     arrows,
     circle,
-    files_in,
     folders,
     imports,
-    table,
     tree_of,
     upward,
 )
 
 ROOT = Path(__file__).parents[1]
 ROOMS = ("design", "cad", "sims", "fabrication", "optopad")
-LONGEST_FILE = 800
 HEAVY = (
     "cadquery",
     "OCP",
@@ -168,37 +162,6 @@ def test_no_room_but_that_of_shapes_asks_what_shape_a_pad_has() -> None:
     assert not asked
 
 
-def test_every_folder_of_modules_is_a_package() -> None:
-    folders = {path.parent for path in python_files(*ROOMS)}
-    assert [name_of(folder) for folder in sorted(folders) if not (folder / "__init__.py").is_file()] == []
-
-
-def is_interface(node: ast.stmt) -> bool:
-    if isinstance(node, ast.Import | ast.ImportFrom):
-        return True
-    targets = node.targets if isinstance(node, ast.Assign) else []
-    return [getattr(target, "id", "") for target in targets] == ["__all__"]
-
-
-def test_a_package_file_holds_a_docstring_and_imports_only() -> None:
-    trees = {name_of(path): tree_of(path) for path in python_files(*ROOMS) if path.name == "__init__.py"}
-    assert [name for name, tree in trees.items() if not ast.get_docstring(tree)] == []
-    assert [name for name, tree in trees.items() if not all(map(is_interface, tree.body[1:]))] == []
-
-
-def test_tests_have_no_package_files_and_no_name_twice() -> None:
-    names = [path.name for path in python_files("tests") if path.name != "conftest.py"]
-    assert "__init__.py" not in names
-    assert sorted({name for name in names if names.count(name) > 1}) == []
-
-
-def test_no_file_is_too_long_to_read_in_one_go() -> None:
-    files = (path for room in ROOMS for path in (ROOT / room).rglob("*"))
-    sources = [path for path in files if path.suffix in {".py", ".c", ".h", ".ino"}]
-    lengths = {name_of(path): len(path.read_text(encoding="utf-8").splitlines()) for path in sources}
-    assert {name: length for name, length in lengths.items() if length > LONGEST_FILE} == {}
-
-
 def text_files() -> Iterator[Path]:
     for folder in (*ROOMS, "tests", "docs", ".ci"):
         files = (path for path in (ROOT / folder).rglob("*") if path.is_file())
@@ -274,47 +237,6 @@ def test_the_arrows_between_the_rooms_hold() -> None:
     assert result.returncode == 0, result.stdout + result.stderr
 
 
-def test_a_folder_has_few_files_or_a_reason_at_its_door() -> None:
-    crowded = [
-        folder
-        for path in folders()
-        if path
-        and len(files_in(folder := ROOT.joinpath(*path))) > MOST_FILES
-        and REASON not in (folder / "__init__.py").read_text(encoding="utf-8")
-    ]
-    assert [name_of(folder) for folder in crowded] == []
-
-
-def test_every_door_says_what_the_room_is_for() -> None:
-    doors = [path for path in python_files(*ROOMS) if path.name == "__init__.py"]
-    words = {name_of(path): ast.get_docstring(tree_of(path)) or "" for path in doors}
-    assert [name for name, text in words.items() if len(text.partition("\n")[0]) < 30] == []
-
-
-def loose_lines(text: str) -> list[str]:
-    """Lines of a docstring's lists that are neither an entry (`name : words`) nor indented below one."""
-    loose, lines, heading = [], text.splitlines(), ""
-    for number, line in enumerate(lines):
-        after = lines[number + 1] if number + 1 < len(lines) else ""
-        if line.startswith("----"):
-            heading = lines[number - 1]
-        elif heading in {"Parameters", "Attributes"} and line and not after.startswith("----"):
-            loose += [line] if not line.startswith(" ") and " : " not in line else []
-    return loose
-
-
-def test_the_lists_of_a_docstring_are_indented() -> None:
-    assert loose_lines("Parameters\n----------\na : one\ntwo\n\nReturns\n-------\nthree") == ["two"]
-    kinds = ast.Module | ast.ClassDef | ast.FunctionDef
-    texts = {
-        f"{name_of(path)}:{node.body[0].lineno}": ast.get_docstring(node) or ""
-        for path in python_files(*ROOMS)
-        for node in ast.walk(tree_of(path))
-        if isinstance(node, kinds) and node.body
-    }
-    assert {place: found for place, text in texts.items() if (found := loose_lines(text))} == {}
-
-
 def test_no_file_imports_itself_by_way_of_others() -> None:
     edges = [(".".join(place), ".".join(other)) for place, others in imports().items() for other in others]
     assert circle(edges) == []
@@ -335,15 +257,6 @@ def test_every_room_that_stands_on_a_floor_is_there() -> None:
     assert [
         room for room in sorted(rooms) if not any((ROOT / f"{room}{end}").exists() for end in ("", ".py"))
     ] == []
-
-
-def test_the_table_of_rooms_has_a_row_a_folder() -> None:
-    rows = table().splitlines()[1:-1]
-    assert [row.split()[0] for row in rows] == ["/".join(folder) for folder in folders() if folder]
-
-
-def test_the_drawn_map_is_that_of_todays_imports() -> None:
-    assert PICTURE.read_text(encoding="utf-8") == picture(), "draw it anew: python -m tests.rooms --draw"
 
 
 def test_every_place_that_the_map_names_is_there() -> None:

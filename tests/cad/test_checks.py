@@ -1,15 +1,12 @@
 """The checks see what is wrong with a file, and the picture shows the part."""
 
 import json
-import struct
-import time
-import zlib
 
 import numpy as np
 import pytest
 
 from cad.checks import PartFile, check_parts, design_findings, overhang_area_mm2
-from cad.mesh import Mesh, mold_picture, stl_bytes
+from cad.mesh import Mesh, stl_bytes
 from cad.volume import mold_volume_mm3
 from design.preset import preset
 
@@ -110,32 +107,6 @@ def test_bodies_above_the_rim_are_a_warning_with_names():
     tall = found["mold: bodies above the rim"]
     assert (tall.value, tall.state) == (3, "warning")
     assert tall.note.startswith("R1, R2, R3:")
-
-
-def pixels_of(png):
-    assert png[:8] == b"\x89PNG\r\n\x1a\n"
-    width, height = struct.unpack(">II", png[16:24])
-    length = struct.unpack(">I", png[33:37])[0]
-    rows = np.frombuffer(zlib.decompress(png[41 : 41 + length]), dtype=np.uint8).reshape(height, -1)
-    return rows[:, 1:].reshape(height, width, 4)
-
-
-def test_picture_shows_the_part_on_a_transparent_ground(pair):
-    started = time.perf_counter()
-    pixels = pixels_of(mold_picture(pair.mold, width_px=450, height_px=320))
-    assert time.perf_counter() - started < 10.0  # 1.1 s at twice this size on an idle core
-    assert pixels.shape == (320, 450, 4)
-    opaque = pixels[..., 3] == 255
-    assert pixels[0, 0, 3] == 0
-    assert 0.3 < opaque.mean() < 0.7
-    assert len(np.unique(pixels[opaque][:, 0])) > 20
-
-
-@pytest.mark.slow
-def test_picture_is_the_same_from_a_file_and_from_the_mesh(pair, tmp_path):
-    (tmp_path / "mold.stl").write_bytes(pair.files["mold.stl"])
-    small = {"width_px": 200, "height_px": 150}
-    assert mold_picture(tmp_path / "mold.stl", **small) == mold_picture(pair.mold, **small)
 
 
 def test_a_hole_in_the_mold_is_an_error_not_a_crash(pair):

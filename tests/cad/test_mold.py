@@ -262,9 +262,7 @@ def test_3mf_holds_the_same_triangles_as_the_stl(pair):
 
 def test_a_too_small_mold_is_refused_and_nothing_is_written(tmp_path):
     design = preset("piacenza2017-pad").with_(**{"mold.outer_length_mm": 30.0})
-    with pytest.raises(
-        DesignError, match=r"mold\.outer_length_mm: the east and west walls are too thin \(-1\.00 mm;"
-    ):
+    with pytest.raises(DesignError, match=r"mold\.outer_length_mm.*-1\.00 mm"):
         export_parts(design, tmp_path / "cad")
     assert not (tmp_path / "cad").exists()
 

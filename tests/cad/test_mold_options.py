@@ -16,9 +16,9 @@ from cad.pour_gauge import gauge_size, pour_gauge
 from cad.solder_jig import jig_size, solder_jig
 from cad.volume import base_volume_mm3, mold_volume_mm3
 from design.errors import DesignError, InputError
-from design.mold.lettering import area_mm2, shapes_of
+from design.mold.lettering import area_mm2
 from design.mold.outline import bed_lift_mm, outline_of
-from design.mold.part_numbers import DEPTH_MM, small_letters
+from design.mold.part_numbers import DEPTH_MM
 from design.parts.assumptions import bed_of
 from design.parts.catalog import find_board, packaged
 from design.preset import FLAT_PRESETS, PRESETS, preset
@@ -26,6 +26,7 @@ from design.rules.check import require_valid
 from design.shape.cavity import cavity_of
 from design.spec.fits import fit
 from fabrication.connections import connections_of
+from tests.said import says
 
 PAD, FINGER, PAIR = preset("piacenza2017-pad"), preset("fingertip-16"), preset("piacenza2017-pair")
 ROUNDING = 1e-9  # of a volume from sums of doubles
@@ -70,28 +71,6 @@ def test_names_take_their_area_times_their_depth_from_the_solid():
     assert taken == pytest.approx(area * DEPTH_MM, rel=1e-6)
 
 
-def test_an_e_is_read_from_outside_on_every_wall():
-    # the spine of an E is on the reader's left: low x seen from the south, high x seen from the north
-    for number in outline_of(PAD).numbers:
-        if number.name.startswith("E"):
-            tall = max(number.strokes, key=lambda stroke: stroke.y1 - stroke.y0)
-            middle = np.mean([stroke.x0 for stroke in number.strokes])
-            assert (tall.x0 < middle) == (number.frame.wall in ("south", "east"))
-
-
-def test_no_two_small_letters_look_alike_and_outlines_cover_the_strokes():
-    found = list(small_letters().values())
-    assert len(set(found)) == len(found) == 38
-    for number in outline_of(preset("oblong-60x40")).numbers:
-        shapes = shapes_of(number.strokes)
-        loops = [loop for shape in shapes for loop in (shape.outline, *shape.holes)]
-        area = sum(
-            sum(x0 * y1 - x1 * y0 for (x0, y0), (x1, y1) in zip(loop, loop[1:] + loop[:1], strict=True)) / 2
-            for loop in loops
-        )
-        assert area == pytest.approx(area_mm2(number.strokes), rel=ROUNDING)
-
-
 def test_names_without_room_are_told():
     flat = FINGER.with_(**{"mold.floor_mm": 1.0, "cavity.black_thickness_mm": 0.0, "emitters.height_mm": 1.6})
     (row,) = [
@@ -111,9 +90,7 @@ def test_a_fit_class_replaces_the_clearance_of_its_part_alone():
 
 
 def test_a_fit_for_a_part_that_is_not_there_is_refused():
-    with pytest.raises(
-        DesignError, match=r"mold\.fits\.osram-sfh2400: no part of the layout is one of these"
-    ):
+    with pytest.raises(DesignError, match=r"mold\.fits\.osram-sfh2400"):
         require_valid(PAD.with_(**{"mold.fits": {"osram-sfh2400": "press"}}))
     with pytest.raises(DesignError, match=r"mold\.fits"):
         PAD.with_(**{"mold.fits": {"osram-sfh206k": "tight"}})
@@ -176,18 +153,15 @@ def test_a_cover_lies_at_the_undisturbed_top_and_the_cavity_stays():
 @pytest.mark.parametrize(
     ("design", "message"),
     [
-        (
-            PAD.with_(**{"mold.cover_ledge_mm": 1.0}),
-            r"mold\.cover_ledge_mm: a cover at the fill level would rest on",
-        ),
-        (COVERED.with_(**{"mold.rim_mm": 0.2}), r"mold\.rim_mm: too low to hold a glass cover in its seat"),
+        (PAD.with_(**{"mold.cover_ledge_mm": 1.0}), r"mold\.cover_ledge_mm"),
+        (COVERED.with_(**{"mold.rim_mm": 0.2}), r"mold\.rim_mm"),
         (
             FINGER.with_(**{"mold.cover_ledge_mm": 4.5, "mold.fixing_hole_diameter_mm": 0.0}),
-            r"mold\.cover_ledge_mm: the web behind the cover's seat is too thin",
+            r"mold\.cover_ledge_mm",
         ),
         (
             PAD.with_(**{"mold.pieces": "frame_and_base", "mold.fixing_hole_diameter_mm": 0.0}),
-            r"mold\.pieces: frame and base have no fixing",
+            r"mold\.pieces",
         ),
     ],
 )
@@ -235,10 +209,6 @@ def test_the_middle_tooth_of_the_pour_gauge_ends_at_the_undisturbed_top(name):
     assert gauge.val().Volume() == pytest.approx(size.volume_mm3, rel=ROUNDING)
 
 
-def test_without_a_rim_there_is_no_pour_gauge():
-    assert gauge_size(PAD.with_(**{"mold.rim_mm": 0.0})) is None
-
-
 @pytest.mark.parametrize("name", PRESETS)
 def test_the_solder_jig_has_the_pitch_of_every_part(name):
     design = preset(name)
@@ -263,13 +233,13 @@ def test_a_mold_beyond_the_bed_is_a_warning_with_both_sizes(built_of):
     found = check_parts(PAIR, (mold,), bed_mm=(30.0, 30.0, 30.0))
     (row,) = [row for row in found.findings if row.name == "mold: print bed"]
     assert row.state == "warning"
-    assert row.note == "33.0 x 33.0 x 13.5 mm in a room of 30 x 30 x 30 mm"
+    assert says(row.note, "33.0 x 33.0 x 13.5 mm ... 30 x 30 x 30 mm")
     assert found.is_ok
 
 
 def test_a_bed_is_three_lengths():
     assert bed_of("220,220,250") == bed_of("220x220x250") == (220.0, 220.0, 250.0)
-    with pytest.raises(InputError, match=r"--bed: '220' is refused: must be three lengths in mm above 0"):
+    with pytest.raises(InputError, match=r"--bed: '220'.*above 0"):
         bed_of("220")
 
 

@@ -85,7 +85,7 @@ def test_the_smallest_preset_s_mold_slices_without_a_warning() -> None:
 @pytest.mark.slow
 def test_without_a_slicer_nothing_is_written(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(slicer, "COMMANDS", ("no-such-slicer",))
-    with pytest.raises(InputError, match=r"--slice: PrusaSlicer is not installed; install it"):
+    with pytest.raises(InputError, match="--slice: PrusaSlicer"):
         export_parts(PAIR, tmp_path / "cad", slice_parts=True)
     assert not (tmp_path / "cad").exists()
 

@@ -7,20 +7,16 @@ import tomllib
 import pytest
 
 from design.errors import InputError
-from design.preset import PRESETS, new_text, preset, preset_text, true_description
+from design.preset import PRESETS, new_text, preset, preset_text
 from design.rules.check import check
 from design.shape.cavity import cavity_of, facing_pairs
 from design.spec import SensorDesign
+from tests.said import says
 
 
 @pytest.mark.parametrize("name", PRESETS)
 def test_a_preset_has_no_errors(name: str) -> None:
     assert [finding for finding in check(preset(name)) if finding.severity == "error"] == []
-
-
-@pytest.mark.parametrize("name", PRESETS)
-def test_a_preset_is_called_as_it_is_named(name: str) -> None:
-    assert preset(name).name == name
 
 
 @pytest.mark.parametrize("name", PRESETS)
@@ -30,16 +26,7 @@ def test_a_new_design_is_the_preset_without_what_is_said_of_the_preset(name: str
     assert (design.name, design.description) == ("my-pad", "")
     assert design.with_(name=name, description=preset(name).description).digest == preset(name).digest
     assert text.count("#") == preset_text(name).count("#")
-    assert text.startswith(f"# This design is based on the preset {name}.\n# Lengths are in millimetres.")
-
-
-@pytest.mark.parametrize("name", PRESETS)
-def test_a_preset_s_description_is_shown_of_the_preset_alone(name: str) -> None:
-    design = preset(name)
-    assert true_description(design.with_(name="copy")) == design.description != ""
-    changed = design.with_(**{"elastomer.mixing_ratio": 10.0})
-    assert true_description(changed) == ""
-    assert true_description(changed.with_(description="of my own")) == "of my own"
+    assert says(text, f"This design ... {name}.\n# Lengths")
 
 
 def test_the_published_pad_is_as_stated() -> None:
@@ -62,16 +49,6 @@ def test_the_published_pair_is_as_stated() -> None:
     assert pair.length_mm == 20.0
     assert pair.emitters[0].part_id == "sunled-xscwd23mb"
     assert pair.receivers[0].part_id == "osram-sfh206k"
-
-
-def test_the_oblong_pad_measures_60_by_40() -> None:
-    cavity = cavity_of(preset("oblong-60x40"))
-    assert (cavity.length_mm, cavity.width_mm) == (60.0, 40.0)
-    assert (len(cavity.emitters), len(cavity.receivers)) == (12, 12)
-
-
-def test_the_published_pad_has_no_warning() -> None:
-    assert check(preset("piacenza2017-pad")) == ()
 
 
 def test_an_unknown_preset_offers_the_nearest() -> None:

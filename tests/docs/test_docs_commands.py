@@ -22,24 +22,6 @@ from tests.fabrication.simulated_board import missing_compiler
 REPOSITORY = Path(__file__).parents[2]
 DOCS = REPOSITORY / "docs"
 PAGES = sorted([*DOCS.rglob("*.md"), REPOSITORY / "README.md"])
-WITH_COMMANDS = (
-    "README.md",
-    *(
-        f"docs/how-to/{name}.md"
-        for name in ("own-parts", "build", "program-board", "board-options", "search-layouts", "troubleshoot")
-    ),
-    *(
-        f"docs/how-to/{name}.md"
-        for name in ("read-sensor", "check-wiring", "record-and-export", "collect-presses")
-    ),
-    *(
-        f"docs/how-to/{name}.md"
-        for name in ("predict-accuracy", "simulate-data-set", "train-learner", "calibrate")
-    ),
-    "docs/how-to/compare-with-recording.md",
-    "docs/tutorials/design-to-bench.md",
-)
-"""Pages that would not be what they are without commands."""
 RUN_WHOLE = {"README.md"}
 """Pages whose commands all run in every CI run; those of the others before a release."""
 QUICK_VERBS = {"new", "check", "schema", "driver firmware", "part new", "parts"}
@@ -232,15 +214,6 @@ def test_every_command_of_every_page_has_a_verb_with_its_options():
     assert faults == {}
 
 
-def test_a_command_that_cannot_be_read_is_told():
-    assert fault_of(["scores", "x.toml"]) == "no such verb"
-    assert "--bad" in fault_of(["score", "x.toml", "--bad"])
-    assert "y" in fault_of(["check", "x.toml", "y"])
-    assert "requires" in fault_of(["score", "x.toml", "--seed"])
-    assert fault_of(["driver", "read"]).startswith("needs ")
-    assert fault_of(["driver", "read", "x.toml", "--frames", "3"]) == ""
-
-
 def test_every_verb_runs_on_a_page_that_runs_whole_or_in_a_test_of_its_own():
     on_pages = {
         words_of(command) for page in PAGES if name_of(page) in RUN_WHOLE for command in commands_of(page)
@@ -272,7 +245,3 @@ def test_all_commands_of_every_page_succeed(page, in_empty_folder):
             else:
                 assert main(command) == 0, " ".join(command)
     assert not [name for name in os.listdir() if name.endswith(".partial")]
-
-
-def test_every_page_that_lives_by_commands_has_some():
-    assert set(WITH_COMMANDS) - {name_of(page) for page in PAGES_WITH_COMMANDS} == set()

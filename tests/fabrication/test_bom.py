@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import math
 
 import pytest
 from hypothesis import given
@@ -12,7 +11,7 @@ from hypothesis import strategies as st
 
 from design.circuit.emitter_switch import emitter_switch, most_drive_ma
 from design.circuit.pins import board_of
-from design.parts.assumptions import E24, assumption, ohm_text, standard_at_least, standard_at_most
+from design.parts.assumptions import assumption, standard_at_least, standard_at_most
 from design.parts.catalog import Part
 from design.preset import PRESETS, preset
 from design.shape.cavity import cavity_of
@@ -71,13 +70,6 @@ def test_standard_resistors_enclose_the_computed_value(ohm: float) -> None:
     assert above / below <= 1.5 / 1.3 + 1e-9  # the widest step of E24
 
 
-def test_a_standard_value_stays_itself() -> None:
-    values = [float(step) * 10**power for step in E24 for power in range(6)]
-    assert [standard_at_least(value) for value in values] == pytest.approx(values)
-    assert [standard_at_most(value) for value in values] == pytest.approx(values)
-    assert len(values) == 24 * 6
-
-
 def test_the_pad_s_series_resistor_is_computed_at_the_lowest_forward_voltage() -> None:
     switch = emitter_switch(part_of(PAD, "sunled-xscwd23mb", "emitter"), board_of(PAD))
     assert switch.series_ohm == 120.0  # the next above (5.0 - 2.7) V / 20 mA = 115 ohm
@@ -113,11 +105,6 @@ def test_a_base_current_that_a_pin_cannot_give_is_noticed() -> None:
     assert emitter_switch(led(max_current_ma={"value": 300.0}), board).base_current_ma > most_ma
 
 
-@pytest.mark.parametrize(("ohm", "text"), [(120.0, "120 ohm"), (2200.0, "2.2 kohm"), (1e6, "1 Mohm")])
-def test_resistances_are_written_as_on_an_order(ohm: float, text: str) -> None:
-    assert ohm_text(ohm) == text
-
-
 @pytest.mark.parametrize("name", PRESETS)
 def test_the_bill_counts_every_part_once(name: str) -> None:
     design = preset(name)
@@ -136,10 +123,6 @@ def test_the_bill_counts_every_part_once(name: str) -> None:
         assert [r for r in references if r.endswith(f"-{mark}")] == [
             f"{p.name}-{mark}" for p in cavity.receivers
         ]
-
-
-def test_no_cost_is_invented() -> None:
-    assert {(row["unit_cost"], row["currency"], row["cost_date"]) for row in rows_of(PAD)} == {("", "", "")}
 
 
 def test_a_known_cost_comes_with_currency_and_date() -> None:
@@ -168,7 +151,7 @@ def test_a_series_resistor_above_a_quarter_watt_has_no_part_number(most_ma: floa
     switch = emitter_switch(part_of(design, "sunled-xscwd23mb", "emitter"), board_of(design))
     assert (switch.series_mw <= 250.0) == is_ordered
     assert bool(found["part_number"]) == is_ordered
-    assert (f"choose a resistor for more than {switch.series_mw:.0f} mW" in found["note"]) != is_ordered
+    assert (f"more than {switch.series_mw:.0f} mW" in found["note"]) != is_ordered
     assert found["order_quantity"] == found["quantity"]
 
 
@@ -185,16 +168,6 @@ def test_a_bill_parsed_back_is_the_bill() -> None:
     assert "\r" not in bom_csv(bom_rows(PAD))
 
 
-@pytest.mark.parametrize("start", ["=", "+", "-", "@"])
-def test_a_title_that_looks_like_a_formula_is_defused(start: str) -> None:
-    entry = part_of(PAD, "osram-sfh206k", "receiver").model_dump(mode="json")
-    entry |= {"title": f'{start}HYPERLINK("http://x","y")', "manufacturer": f"{start}1+1"}
-    design = PAD.with_(catalog={"parts": {"osram-sfh206k": entry}})
-    found = next(row for row in rows_of(design) if row["catalogue_id"] == "osram-sfh206k")
-    assert found["item"] == f'\'{start}HYPERLINK("http://x","y")'
-    assert found["manufacturer"] == f"'{start}1+1"
-
-
 @given(st.text(max_size=40))
 def test_no_text_starts_a_formula_or_a_new_line(text: str) -> None:
     cell = safe_text(text)
@@ -204,8 +177,3 @@ def test_no_text_starts_a_formula_or_a_new_line(text: str) -> None:
         ["a"],
         [safe_text(text or "x")],
     ] or (not safe_text(text or "x"))
-
-
-def test_negative_numbers_stay_numbers() -> None:
-    assert csv_text(["a", "b", "c"], [[-1.5, 0.1 + 0.2, None]]) == "a,b,c\n-1.5,0.3,\n"
-    assert math.isclose(float(csv_text(["a"], [[1e-4]]).splitlines()[1]), 1e-4)

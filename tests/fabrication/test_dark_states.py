@@ -11,7 +11,6 @@ import pytest
 from design.circuit.pins import (
     board_of,
     frame_bytes,
-    frame_rate_hz,
     frame_time_ms,
     sending_time_ms,
     shift_register_of,
@@ -205,21 +204,3 @@ def test_a_board_with_other_dark_states_is_refused_even_if_its_design_is_accepte
         DeviceError, match=r'10 bits, dark states "each"; driver\.toml of \S+ has 8, 8, 10, "frame"'
     ):
         check_hello(hello, frame, where="port", accept_digest=each.digest)
-
-
-def test_the_page_has_the_figures_of_the_models() -> None:
-    page = (Path(__file__).parents[2] / "docs" / "how-to" / "board-options.md").read_text(encoding="utf-8")
-    text = " ".join(page.split())
-    rates, residues, apart_s = [], [], 0.0
-    for dark in ("each", "frame"):
-        design = pad(**{"board.dark": dark, "noise.flicker_hz": 120.0})
-        chain = chain_of(design, Readout(counts_per_flux=54_500.0, full_scale_counts=1023.0))
-        rates.append(frame_rate_hz(design))
-        residues.append(np.sqrt((chain.flicker_sigma_counts() ** 2).mean()))
-        apart_s = float(chain.read_at_s[1, 0] - chain.read_at_s[0, 0])
-        lamp = chain.noise.ambient_counts * chain.noise.ambient_flicker
-    after_alone = lamp * np.sqrt(1.0 - np.cos(2.0 * np.pi * 120.0 * apart_s))
-    assert "sends {:.0f} frames a second, not {:.0f}, by the timing model".format(*rates) in text
-    assert "leaves {:.2f} counts (rms) in a signal of the paper's pad, not {:.2f}.".format(*residues) in text
-    assert f"The dark state after each emitter alone would leave {after_alone:.2f}." in text
-    assert f"{1e3 * apart_s:.1f} ms here" in text

@@ -15,7 +15,6 @@ from design.spec.properties import part_of
 from fabrication.gain import SimulatedGain
 from fabrication.sheets.bom import NO_PRICE, NOT_BOUGHT, bom_csv, bom_rows
 from fabrication.sheets.casting import casting_md
-from fabrication.sheets.orientation_svg import orientation_svg
 from fabrication.sheets.schematic_svg import schematic_svg
 from fabrication.sheets.silicone import pours
 
@@ -48,15 +47,6 @@ def test_schematic_and_bill_have_the_same_values() -> None:
     assert f"R8-CF {bill['feedback capacitor']}" in shown
 
 
-def test_nothing_on_a_drawing_lies_outside_of_it() -> None:
-    for svg in (schematic_svg(PAD, GAIN), orientation_svg(PAD)):
-        root = ElementTree.fromstring(svg)
-        width, height = float(root.attrib["width"]), float(root.attrib["height"])
-        for element in root.iter(f"{SVG}text"):
-            assert 0 <= float(element.attrib["x"]) <= width
-            assert 0 <= float(element.attrib["y"]) <= height
-
-
 def test_the_supply_gives_one_lit_emitter_its_base_the_amplifiers_and_the_board() -> None:
     switch = emitter_switch(part_of(PAD, "sunled-xscwd23mb", "emitter"), board_of(PAD))
     current = supply_current(PAD)
@@ -72,33 +62,10 @@ def test_the_supply_gives_one_lit_emitter_its_base_the_amplifiers_and_the_board(
     assert "the amplifiers (1.8)" in casting_md(named)
 
 
-@pytest.mark.parametrize("name", PRESETS)
-def test_each_kind_of_part_is_drawn_in_its_socket_with_its_height(name: str) -> None:
-    design = preset(name)
-    shown = texts(orientation_svg(design))
-    for part in cavity_of(design).parts:
-        assert part.part.title in shown
-        assert f"{part.height_mm:g}" in shown
-        assert any(part.name in line.split() for line in shown)
-
-
 def test_carbon_black_is_a_share_of_the_black_layer_alone() -> None:
     black, clear = pours(PAD)
     assert black.carbon_g == pytest.approx(black.mixed_g * assumption("carbon_black_share").value)
     assert clear.carbon_g == 0.0
-
-
-def test_options_of_the_mold_are_on_the_sheet_and_the_bill() -> None:
-    parted = PAD.with_(**{"mold.pieces": "frame_and_base"})
-    assert "`cad/mold_base.stl`" in casting_md(parted)
-    assert "lift the frame off the base" in casting_md(parted)
-    assert "screw with nut" in {row.item for row in bom_rows(parted)}
-    covered = preset("fingertip-16").with_(**{"mold.cover_ledge_mm": 1.0})
-    assert "Lower a clean glass of 17.4 x 17.4" in casting_md(covered)  # 16 + 2 - 0.6
-    assert "glass cover" in {row.item for row in bom_rows(covered)}
-    pressed = PAD.with_(**{"mold.fits": {"osram-sfh206k": "press"}})
-    assert "| press, 0.05 |" in casting_md(pressed)
-    assert "no black layer" not in casting_md(PAD)
 
 
 def test_a_price_without_a_source_is_blank_and_said_so() -> None:

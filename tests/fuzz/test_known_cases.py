@@ -21,7 +21,6 @@ from optopad.cli.main import BAD_INPUT, main
 from sims.learning.inference.model_file import load_model, save_model
 from sims.readings.dataset import read_data, save_data
 from sims.readings.recording import read_recording
-from sims.score.scoring import ScoreCost, score_cost
 from tests.design.search.cheap_search import cheap_space
 from tests.sims.learning.made_up_models import made_up_kernel_ridge
 from tests.sims.readings.test_dataset import made_up
@@ -47,7 +46,7 @@ def design_with(tmp_path, line: str, table: str = "board"):
     ],
 )
 def test_a_number_of_many_digits_is_refused(tmp_path, table, line):
-    with pytest.raises(DesignError, match="must be a finite number of at most 100 digits"):
+    with pytest.raises(DesignError, match="100 digits"):
         load_design(design_with(tmp_path, line, table))
 
 
@@ -74,7 +73,7 @@ def test_a_prescaler_of_a_hundred_digits_is_a_finding():
 def test_a_file_name_that_is_too_long_is_refused(tmp_path, line):
     file = tmp_path / "a.toml"
     file.write_text(f"schema_version = 1\n{line.format('x' * 5_000)}\n", encoding="utf-8")
-    with pytest.raises(DesignError, match="File name too long; correct the name"):
+    with pytest.raises(DesignError, match="long; correct"):
         load_design(file)
 
 
@@ -253,26 +252,6 @@ def test_a_netcdf_file_that_unpacks_to_terabytes_is_refused(tmp_path):
         held.create_dataset("more", shape=(2**42,), dtype="f4", chunks=(1024,))
     with pytest.raises(InputError, match="reads at most"):
         read_data(file)
-
-
-def test_a_long_score_is_foretold_and_a_short_one_not():
-    pair = score_cost(preset("piacenza2017-pair"), fine=False, full=False)
-    assert pair.core_s > 64.0 / 2.0  # measured processor time [s]
-    assert pair.sentence(4) == ""
-    wide = ScoreCost(presses=750, pairs=400, core_s=360.0)
-    assert wide.sentence(2).startswith("score: about 3 minutes on 2 cores (750 presses x 400 pairs")
-    assert wide.sentence(16).startswith("score: about 20 seconds on 16 cores")
-    assert wide.sentence(32) == ""
-
-
-def test_the_cost_of_a_score_grows_with_pairs_and_places():
-    pad = preset(PAD)
-    quick, full = (score_cost(pad, fine=False, full=of) for of in (False, True))
-    assert quick.pairs == 64
-    maps = [cost.stages_s["map"] for cost in (quick, full)]
-    assert maps[1] > 5.0 * maps[0]
-    assert np.isclose(maps[1] / full.presses, maps[0] / quick.presses, rtol=0.5)
-    assert full.core_s > quick.core_s + maps[1] - maps[0]
 
 
 @pytest.mark.parametrize(

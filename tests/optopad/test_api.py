@@ -16,7 +16,6 @@ from fabrication.bundle import bundle_name
 from fabrication.driver_config import dump_driver_config
 from optopad.jobs import compare as comparing
 from optopad.jobs import sweep as sweeping
-from optopad.results.comparison import labelled
 from optopad.results.prediction import PredictedAccuracy, Prediction, accuracy_of
 from optopad.results.score import Score
 from sims.learning.tables import JudgedPresses
@@ -75,10 +74,6 @@ def test_every_preset_loads_fits_and_keeps_its_digest_on_disk(name, tmp_path):
     assert optopad.load(optopad.save(design, tmp_path / "mine.toml")).digest == design.digest
 
 
-def test_changes_on_loading_are_those_of_with():
-    assert optopad.load("piacenza2017-pair", cavity__clear_thickness_mm=10.0).digest == THICK.digest
-
-
 def test_what_does_not_load_is_refused_with_a_way_out():
     with pytest.raises(InputError, match="did you mean piacenza2017-pair"):
         optopad.load("piacenza2017-pear")
@@ -117,12 +112,6 @@ def test_a_score_has_verdict_figures_and_the_document_of_the_bundle(judged):
     assert repr(found).splitlines()[1].startswith("verdict     DEADBAND: E2-R2 does not resolve ")
 
 
-def test_a_score_shows_its_governing_pair_in_a_notebook(judged):
-    html = optopad.score(THICK)._repr_html_()
-    assert "DEADBAND" in html
-    assert picture_in(html).tag.endswith("svg")
-
-
 def test_plots_of_a_score_take_axes_or_make_them(judged):
     found = optopad.score(THICK)
     own = found.plot_signal()
@@ -133,11 +122,6 @@ def test_plots_of_a_score_take_axes_or_make_them(judged):
         from matplotlib import pyplot as plt
 
         plt.close("all")
-
-
-def test_a_pair_that_was_not_judged_is_refused_by_name(judged):
-    with pytest.raises(InputError, match="'E9-R9' is no judged pair; there are"):
-        optopad.score(PAIR).plot_signal("E9-R9")
 
 
 def test_out_of_scope_says_why_and_has_no_map():
@@ -165,11 +149,6 @@ def test_a_comparison_names_what_differs_and_who_is_better(judged, tmp_path):
     assert found.verdicts == {"thin": "CONTIGUOUS", "thick": "DEADBAND"}
     assert found.winners["deadband"] == "thin"
     assert picture_in(found._repr_html_()).tag.endswith("svg")
-
-
-def test_designs_of_one_name_are_numbered():
-    assert list(labelled([PAIR, THICK])) == [f"{PAIR.name} (1)", f"{PAIR.name} (2)"]
-    assert list(labelled([PAIR, optopad.load("fingertip-16")])) == [PAIR.name, "fingertip-16"]
 
 
 def presses_off_by(location_mm, depths_mm=(0.5, 1.0, 2.0), places=4):

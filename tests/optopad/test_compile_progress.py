@@ -70,18 +70,6 @@ def test_compiling_that_is_cut_short_is_told_to_be_over() -> None:
     assert told == [0.0, 1.0]
 
 
-def test_a_line_appears_before_the_compiler_is_done(capsys: pytest.CaptureFixture[str]) -> None:
-    listen_to_numba()
-    with progress(quiet=False) as step:
-        step("contact", 1.0)
-        kernel_under("flat_matrix")(1)
-        assert capsys.readouterr().err.splitlines()[-1] == LINE
-        kernel_under("trace_further")(1)
-    end = capsys.readouterr().err.split()
-    assert end[:3] == ["light", "kernels", "compiled"]
-    assert end[-1] == "s"
-
-
 def test_machines_read_nothing_of_it(capsys: pytest.CaptureFixture[str]) -> None:
     listen_to_numba()
     with progress(quiet=True):

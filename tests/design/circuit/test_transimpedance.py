@@ -114,17 +114,13 @@ def bare_led() -> dict[str, object]:
 def test_without_a_power_there_is_no_resistor_and_ohms_are_refused() -> None:
     bare = PAD.with_(catalog={"parts": {"sunled-xscwd23mb": bare_led()}})
     assert feedbacks_of(bare, [1e5] * 8) is None
-    with pytest.raises(
-        DesignError, match=r"gain\.feedback_ohm: ohms make a gain only with the emitters' power"
-    ):
+    with pytest.raises(DesignError, match=r"gain\.feedback_ohm"):
         require_valid(bare.with_(**{"gain.feedback_ohm": 1e5}))
 
 
 def test_another_number_of_resistors_than_receivers_is_refused() -> None:
     wrong = PAD.with_(**{"gain.feedback_ohm": [1e5, 2e5]})
-    with pytest.raises(
-        DesignError, match=r"gain\.feedback_ohm: the layout has 8 receivers, the list is for 2"
-    ):
+    with pytest.raises(DesignError, match=r"gain\.feedback_ohm.*8 receivers.*for 2"):
         require_valid(wrong)
     with pytest.raises(DesignError, match="exactly 8"):
         fitted_counts_per_flux(wrong)

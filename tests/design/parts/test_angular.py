@@ -38,7 +38,7 @@ def test_the_half_angle_is_where_half_of_the_axis_is_left():
         ((5.0, 10.0), (1.0, 0.9), "starts at 5; start at 0"),
         ((0.0, 20.0, 20.0), (1.0, 0.9, 0.8), "must rise"),
         ((0.0, 95.0), (1.0, 0.0), "90"),
-        ((0.0, 90.0), (1.0, -0.1), "greater than or equal to 0"),
+        ((0.0, 90.0), (1.0, -0.1), "to 0"),
         ((0.0, 90.0), (0.0, 0.0), "0 at every angle"),
         ((0.0, 90.0), (1.0, float("nan")), "finite"),
     ],

@@ -8,6 +8,7 @@ from pydantic import ValidationError
 from design.errors import InputError
 from design.fields.quantity import Quantity
 from design.press_protocol import LoadProtocol, load_protocol
+from tests.said import pattern
 
 PAPER = load_protocol("piacenza2017")
 
@@ -38,17 +39,17 @@ def test_the_published_protocol_is_as_stated_and_says_what_is_assumed() -> None:
         ("step_mm", 0.0, "step_mm: 0 must be above 0"),
         ("speed_mm_per_s", -1.0, "speed_mm_per_s: -1 must be above 0"),
         ("pause_s", -1.0, "pause_s: -1 must be at least 0"),
-        ("deepest_mm", 4.5, "deepest_mm: 4.5 must be a whole number of steps of 1"),
-        ("deepest_mm", 0.0, "deepest_mm: 0 must be a whole number of steps of 1"),
+        ("deepest_mm", 4.5, "deepest_mm: 4.5 ... of 1"),
+        ("deepest_mm", 0.0, "deepest_mm: 0 ... of 1"),
     ],
 )
 def test_a_protocol_that_cannot_be_driven_is_refused(name: str, value: float, words: str) -> None:
-    with pytest.raises(ValidationError, match=words):
+    with pytest.raises(ValidationError, match=pattern(words)):
         changed(name, value)
 
 
 def test_an_unknown_protocol_is_answered_with_the_nearest() -> None:
-    with pytest.raises(InputError, match="'piacenza' is not known; did you mean piacenza2017"):
+    with pytest.raises(InputError, match=r"'piacenza'.*piacenza2017"):
         load_protocol("piacenza")
     with pytest.raises(InputError, match="there are: piacenza2017"):
         load_protocol("x")

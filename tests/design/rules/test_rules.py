@@ -119,7 +119,7 @@ def test_emitters_of_two_colours_are_a_warning() -> None:
 
 def test_no_pair_with_a_direct_path_is_an_error() -> None:
     design = with_layout(single("emitter", "south", 8.0), single("receiver", "south", 20.0), **BENCHMARK)
-    assert only(design).message.startswith("no pair has a direct path")
+    assert "direct path" in only(design).message
 
 
 def test_one_wall_of_emitters_is_a_warning_but_not_in_facing_rows() -> None:

@@ -246,14 +246,14 @@ def test_a_multiple_of_a_figure_that_the_base_lacks_is_refused(tmp_path):
     def nothing(design, limits):
         return Judged(reason="outside the model")
 
-    with pytest.raises(DesignError, match=r"strength: the base design has none \(outside the model\)"):
+    with pytest.raises(DesignError, match="strength: the base"):
         explore(cheap_space(), nothing, url_in(tmp_path), trials=4)
 
 
 def test_a_study_of_another_space_is_refused_and_kept(tmp_path):
     explore(cheap_space(), bowl, url_in(tmp_path), trials=4)
     other = cheap_space(objectives=[{"figure": "evenness"}, {"figure": "strength"}])
-    with pytest.raises(InputError, match=r"study 'cheap' is of another search space .*rename the space"):
+    with pytest.raises(InputError, match="'cheap'"):
         explore(other, bowl, url_in(tmp_path), trials=8)
     assert len(findings_of(cheap_space(), url_in(tmp_path), wanted=4).tried) == 4
 
@@ -262,7 +262,7 @@ def test_a_study_of_another_space_is_refused_and_kept(tmp_path):
     ("url", "words"),
     [
         ("postgresql://someone:secret@127.0.0.1:9/none", "127.0.0.1:9/none cannot be reached"),
-        ("sqlite:////no/such/folder/study.db", "unable to open database file"),
+        ("sqlite:////no/such/folder/study.db", "open database file"),
         ("oracl://x", "cannot be reached"),
         ("nonsense", "cannot be reached"),
     ],
@@ -289,7 +289,7 @@ def test_the_gp_sampler_names_the_package_it_lacks(tmp_path):
 
 def test_a_grid_without_steps_and_one_too_large_are_refused(tmp_path):
     free = {"path": "cavity.clear_thickness_mm", "low": 6.0, "high": 12.0}
-    with pytest.raises(DesignError, match="the grid sampler needs a step or choices"):
+    with pytest.raises(DesignError, match="grid sampler"):
         cheap_space("grid", fields=[free])
     fine = [
         free | {"step": 0.001},

@@ -151,9 +151,9 @@ def test_the_lost_share_is_the_share_of_the_height_above_the_surface() -> None:
 
 
 def test_an_unknown_part_is_refused_where_it_is_named() -> None:
-    with pytest.raises(DesignError, match=r"layout\.0\.part: emitter 'no-led' is not in the catalogue"):
+    with pytest.raises(DesignError, match=r"layout\.0\.part.*'no-led'"):
         cavity_of(with_layout(single("emitter", "south", 7.0, part="no-led")))
-    with pytest.raises(DesignError, match=r"emitters\.part: emitter 'no-led' is not in the catalogue"):
+    with pytest.raises(DesignError, match=r"emitters\.part.*'no-led'"):
         cavity_of(good(**{"emitters.part": "no-led"}))
 
 

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from design.spec import Indenter
 from design.spec.indenter import Piece, tip_height_mm, tip_outline, tip_volume_mm3, tip_words
 from tests.design.spec.spec_fields import good
+from tests.said import says
 
 
 def tip(**fields: Any) -> Indenter:
@@ -113,6 +114,6 @@ def test_a_hemisphere_is_its_radius_alone_and_keeps_its_digest() -> None:
 
 def test_a_tip_is_told_in_words() -> None:
     assert tip_words(tip()) == "hemisphere of 3 mm radius"
-    assert tip_words(tip(shape="flat_punch")) == "flat punch of 3 mm radius, its edge rounded by 0.3 mm"
-    assert "60 degrees between axis and flank" in tip_words(tip(shape="cone"))
+    assert says(tip_words(tip(shape="flat_punch")), "3 mm radius ... 0.3 mm")
+    assert "60 degrees" in tip_words(tip(shape="cone"))
     assert "profile of 2 points" in tip_words(tip(shape="profile", profile_mm=((0.0, 0.0), (3.0, 1.0))))

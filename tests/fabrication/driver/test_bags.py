@@ -16,17 +16,15 @@ import zstandard
 from mcap.writer import CompressionType
 
 from design.errors import InputError
-from fabrication.driver.recording.export import read_recorded, write_csv, write_netcdf
+from fabrication.driver.recording.export import read_recorded
 from fabrication.driver.recording.joined_log import joined
 from fabrication.driver.recording.mcap_file import FRAME, PRESS, SENSOR, write_mcap
 from fabrication.driver.recording.position_log import read_position_log
 from fabrication.driver.recording.recorded import Recorded
 from fabrication.driver.recording.recorder import Recorder
 from optopad.cli import main
-from optopad.jobs.training import _training_data
 from optopad.work import as_netcdf
-from sims.readings.dataset import data_notes, read_data
-from sims.readings.recording import read_recording
+from sims.readings.dataset import read_data
 from tests.fabrication.driver import made_up_bags as bags
 from tests.fabrication.driver.made_up_bags import (
     TOPICS,
@@ -37,6 +35,7 @@ from tests.fabrication.driver.made_up_bags import (
     write_split,
 )
 from tests.fabrication.driver.test_mcap_file import FRAMES, assert_equal
+from tests.said import says
 
 OLD = [f"bag_{k}.mcap" for k in range(12)]
 NEW = [f"{k}_bag_2026_11_28-11_{k:02d}_00.mcap" for k in range(12)]
@@ -338,13 +337,13 @@ def test_bags_that_are_compressed_as_files_and_those_in_sqlite_are_read(tmp_path
     database.with_suffix(".db3.zstd").write_bytes(b"")
     assert "ros2 bag convert" in refused(database.parent)
     (tmp_path / "b.db3").write_bytes(b"SQLite format 3\0" + bytes(100))
-    assert "is not a bag in SQLite" in refused(tmp_path / "b.db3")
+    assert "SQLite" in refused(tmp_path / "b.db3")
 
 
 def test_other_definitions_of_the_messages_are_read_by_them_or_refused(tmp_path: Path) -> None:
     more = b"uint8 extra\n"
     file = write_bag(tmp_path / "more.mcap", (EVENTS[:20], TOPICS), schema=lambda n, e, d: (n, e, d + more))
-    assert "do not have the fields" in refused(file)
+    assert "the fields" in refused(file)
 
     def renamed(name: str, encoding: str, text: bytes) -> tuple[str, str, bytes]:
         return name, encoding, text.replace(b"float32[] normalised", b"float32[] ratio")
@@ -355,9 +354,7 @@ def test_other_definitions_of_the_messages_are_read_by_them_or_refused(tmp_path:
     def idl(name: str, encoding: str, text: bytes) -> tuple[str, str, bytes]:
         return name, "ros2idl", b"module optopad_msgs {};"
 
-    assert "do not have the fields" in refused(
-        write_bag(tmp_path / "idl.mcap", (EVENTS[:20], TOPICS), schema=idl)
-    )
+    assert "the fields" in refused(write_bag(tmp_path / "idl.mcap", (EVENTS[:20], TOPICS), schema=idl))
 
 
 def middle_chunk(whole: bytes) -> int:
@@ -367,50 +364,6 @@ def middle_chunk(whole: bytes) -> int:
         chunks += [at] * (whole[at] == 6)
         at += 9 + int.from_bytes(whole[at + 1 : at + 9], "little")
     return chunks[len(chunks) // 2]
-
-
-def test_topics_of_training_data_are_those_of_the_bags_among_them(tmp_path: Path) -> None:
-    left, right = sides("/{}/{}")
-    other, truth = session(0.013, seed=2)
-    bag, plain = write_bag(tmp_path / "two.mcap", (EVENTS, left), (other, right)), tmp_path / "b.nc"
-    write_netcdf(read_recorded(bag, topic=right[FRAME]), plain, "b")
-    data, _ = _training_data([bag, plain], None, left[FRAME], left[PRESS])
-    np.testing.assert_array_equal(data.press_mm, np.concatenate([TRUTH, truth]))
-    with pytest.raises(InputError, match=r"--topic /left/frame: .*b\.nc is not a bag"):
-        _training_data([plain], None, left[FRAME], None)
-
-
-def test_what_is_missing_of_a_recording_is_said_by_its_copies(tmp_path: Path) -> None:
-    whole = write_bag(tmp_path / "a.mcap", (EVENTS, TOPICS), chunk_bytes=2048).read_bytes()
-    write_mcap(read_recorded(tmp_path / "a.mcap"), tmp_path / "clean.mcap")
-    assert b"optopad_losses" not in (tmp_path / "clean.mcap").read_bytes()
-    place, file = middle_chunk(whole), tmp_path / "b.mcap"
-    copies = [tmp_path / "b" / "b.mcap", tmp_path / "c" / "c.mcap"]
-    for folder in ("b", "c"):
-        (tmp_path / folder).mkdir()
-    for content in (whole[: place + 500] + b"x" + whole[place + 501 :], whole[:place], whole[: place + 99]):
-        file.write_bytes(content)
-        original = read_recorded(file)
-        assert not original.is_whole
-        write_mcap(original, copies[0])
-        write_mcap(read_recorded(copies[0]), copies[1])
-        (copies[1].parent / "copy.mcap").write_bytes(copies[1].read_bytes())
-        for copy in copies:
-            found = read_recorded(copy)
-            assert_equal(original, found)
-            assert (found.losses, found.is_whole) == (original.losses, False)
-        found = read_recorded(copies[1].parent)
-        assert (found.lost, found.left_out, found.stray_bytes, found.doubled) == (
-            original.lost,
-            original.left_out,
-            original.stray_bytes,
-            len(found.sequence),
-        )
-        write_csv(original, tmp_path / "b.csv", "b.mcap")
-        assert read_recording(tmp_path / "b.csv").notes == (f"b.csv: {original.losses}",)
-        content = copies[0].read_bytes()
-        copies[0].write_bytes(content.replace(b"stray_bytes", b"stray_bytez"))
-        assert "metadata optopad_losses are damaged" in refused(copies[0])
 
 
 def test_a_damaged_chunk_costs_its_frames_and_no_label(tmp_path: Path) -> None:
@@ -440,22 +393,6 @@ def test_a_damaged_press_of_a_raw_recording_costs_the_frames_up_to_the_next(tmp_
         assert found.press_mm is not None
         assert (found.left_out, len(found.sequence) + found.lost + left_out) == (left_out, 90)
         np.testing.assert_array_equal(found.press_mm[:, 2], depth[found.sequence])
-
-
-@pytest.mark.slow
-def test_every_verb_says_what_is_missing_of_a_recording(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    content = write_bag(tmp_path / "a.mcap", (EVENTS, TOPICS)).read_bytes()
-    file = tmp_path / "cut.mcap"
-    file.write_bytes(content[: int(0.8 * len(content))])
-    losses = read_recorded(file).losses
-    assert "the end is incomplete" in losses
-    assert main(["driver", "export", str(file), "--out", str(tmp_path / "cut.nc")]) == 0
-    assert losses in capsys.readouterr().out
-    with as_netcdf(file) as netcdf:
-        assert f"cut.mcap: {losses}" in data_notes(read_data(netcdf))
-        assert f"cut.mcap: {losses}" in read_recording(netcdf).notes
 
 
 def test_frames_out_of_order_are_sorted_and_absent_ones_counted_as_lost(tmp_path: Path) -> None:
@@ -493,9 +430,6 @@ def test_garbage_in_a_chunk_without_a_checksum_is_found_by_its_times(tmp_path: P
     found = read_recorded(bags.write_chunks(tmp_path / "a.mcap", chunks))
     assert found.lost > 0
     assert_right(found, count=len(TRUTH) - found.lost - found.left_out)
-
-
-BIG = 1 << 30
 
 
 def bombs() -> dict[str, Any]:
@@ -611,7 +545,7 @@ def test_a_search_in_times_that_step_back_is_refused(
     positions.write_text(f"time_s,x_mm,y_mm,depth_mm\n{rows}")
     verb = ["calibrate", "piacenza2017-pad", str(tmp_path / "a.mcap"), "--no-model"]
     assert main([*verb, "--force", str(tmp_path / "log.csv")]) == 2
-    assert "clock was set back by 29.95 s after frame 40" in capsys.readouterr().err
+    assert says(capsys.readouterr().err, "29.95 s ... frame 40")
     with pytest.raises(InputError, match="clock was set back"):
         joined(read_recorded(tmp_path / "a.mcap"), read_position_log(positions))
 

@@ -130,7 +130,7 @@ def test_every_frame_is_readable_after_a_flush_at_any_rate(tmp_path: Path) -> No
     found = read_recorded(tmp_path / "a.mcap")
     assert len(found.sequence) == len(FRAMES)
     assert not found.ended_cleanly
-    assert found.losses == f"{found.lost} lost; the recorder did not end it"
+    assert f"{found.lost}" in found.losses
     recorder = Recorder(tmp_path / "slow.mcap", CONFIG)
     for k, message in enumerate(FRAMES[:4]):
         recorder.frame(message, BEGUN_S + 0.2 * k)
@@ -253,9 +253,7 @@ def test_two_sensors_in_one_bag_are_told_apart_by_topic(tmp_path: Path) -> None:
         for topic, name, content in (("sensor", "Sensor", sensor), ("frame", "Frame", message))
     }
     file = bag_of(tmp_path / "two.mcap", topics)
-    with pytest.raises(
-        InputError, match="frames of several sensors; give --topic, one of /left/frame, /right/frame"
-    ):
+    with pytest.raises(InputError, match="--topic"):
         read_recorded(file)
     assert len(read_recorded(file, topic="/right/frame").sequence) == 1
 

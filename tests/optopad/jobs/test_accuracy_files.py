@@ -8,11 +8,10 @@ from design.errors import DesignError
 from design.preset import preset
 from design.shape.outline import rectangle
 from optopad.cli import main
-from optopad.jobs.evaluation import _named
 from optopad.jobs.prediction import write_accuracy
 from optopad.results.prediction import PredictedAccuracy, accuracy_lines, accuracy_of
 from sims.learning.tables import JudgedPresses, published_touch
-from tests.sims.learning.made_up_models import made_up_kernel_ridge
+from tests.said import says
 
 SPACE = rectangle((6.0, 6.0, 26.0, 26.0))
 
@@ -51,9 +50,7 @@ def test_a_classifier_with_false_alarms_is_a_finding_on_the_screen_the_page_and_
     always = replace(presses, is_found=np.ones(len(presses), dtype=bool))
     found = found_accuracy(found=(accuracy_of("kernel-ridge", "random-dark", False, [always]),))
     (words,) = found.findings()
-    assert words.startswith(
-        "kernel-ridge: 100 % of the untouched frames of random-dark are classified as touched (limit 5 %)"
-    )
+    assert says(words, "100 % of ... 5 %")
     assert accuracy_lines(found)[0] == f"finding   {words}"
     write_accuracy(found, SPACE, tmp_path, "prediction")
     document = json.loads((tmp_path / "prediction.json").read_text(encoding="utf-8"))
@@ -61,7 +58,7 @@ def test_a_classifier_with_false_alarms_is_a_finding_on_the_screen_the_page_and_
     assert (document["false_alarms"], document["false_alarm_limit"]) == (1.0, 0.05)
     assert document["models"][0]["false_alarms"] == 1.0
     page = (tmp_path / "prediction.html").read_text(encoding="utf-8")
-    assert "of the untouched frames of random-dark are classified as touched" in page
+    assert "random-dark are classified" in page
     assert 'class="verdict deadband"' in page
 
 
@@ -69,17 +66,10 @@ def test_a_classifier_that_misses_presses_is_a_finding_with_a_way_out():
     presses = found_accuracy().found[0].presses
     never = replace(presses, is_found=presses.is_found & (presses.press_mm[:, 2] > 1.0))
     (words,) = found_accuracy(found=(accuracy_of("kernel-ridge", "dark", False, [never]),)).findings()
-    assert "100 % of the presses 1 mm deep are classified as untouched" in words
+    assert says(words, "100 % of ... 1 mm deep")
     assert "--learner signal-map" in words
     (own,) = found_accuracy(found=(accuracy_of("signal-map", "dark", False, [never]),)).findings()
     assert "--learner" not in own
-
-
-def test_a_good_classifier_has_no_finding(tmp_path):
-    write_accuracy(found_accuracy(), SPACE, tmp_path, "prediction")
-    document = json.loads((tmp_path / "prediction.json").read_text(encoding="utf-8"))
-    assert (document["findings"], document["false_alarms"]) == ([], 0.0)
-    assert 'class="verdict contiguous"' in (tmp_path / "prediction.html").read_text(encoding="utf-8")
 
 
 def test_an_interrupted_evaluation_leaves_the_earlier_one_as_it_was(tmp_path, monkeypatch):
@@ -109,20 +99,13 @@ def test_a_changed_pad_has_no_published_table():
     assert published_touch(preset("piacenza2017-pad").with_(**{"cavity.clear_thickness_mm": 14.0})) is None
 
 
-def test_models_of_one_kind_and_one_file_name_are_told_apart():
-    model = made_up_kernel_ridge()
-    names = list(_named([("a/m.optomodel", model), ("b/m.optomodel", model), ("b/n.optomodel", model)]))
-    assert len(names) == 3
-    assert names[2].endswith("(n)")
-
-
 def test_an_out_that_is_a_file_is_refused_before_anything_is_read(tmp_path, capsys):
     (tmp_path / "file").write_text("", encoding="utf-8")
     code = main(
         ["evaluate", "absent.nc", "--model", "absent.optomodel", "--out", str(tmp_path / "file" / "x")]
     )
     assert code == 2
-    assert "a file, not a folder" in capsys.readouterr().err
+    assert "a folder" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("role", ["train", "test"])
@@ -140,7 +123,7 @@ grid_mm = 5.0
         encoding="utf-8",
     )
     assert main(["predict", "piacenza2017-pad", "--protocol", str(file), "--out", str(tmp_path / "o")]) == 2
-    assert "has no set of role" in capsys.readouterr().err
+    assert "set of role" in capsys.readouterr().err
 
 
 def test_places_that_are_trained_and_tested_on_are_refused():
@@ -151,7 +134,7 @@ def test_places_that_are_trained_and_tested_on_are_refused():
         {"name": "b", "role": "test", "is_ambient": False, "random_places": 4},
     ]
     document = {"name": "p", "approach": [{"from_mm": -1.0, "to_mm": 1.0, "step_mm": 0.5}], "sets": sets}
-    with pytest.raises(DesignError, match="tests at the locations of a"):
+    with pytest.raises(DesignError, match="the locations"):
         protocol_from(document, where="p")
     sets[1]["place_seed"] = 1
     assert protocol_from(document, where="p").sets[1].place_seed == 1

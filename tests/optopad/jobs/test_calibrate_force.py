@@ -19,6 +19,7 @@ from sims.learning.force_fit import fit_force
 from sims.learning.inference.header import ForceCurve, header_of_json
 from sims.learning.press_force import TipPath
 from tests.fabrication.driver.made_up_model import header
+from tests.said import says
 from tests.sims.learning.test_force_fit import PAD, pressed
 
 BEGUN_S = 1_790_000_000.0
@@ -42,6 +43,7 @@ def write_log(file: Path, time_s: np.ndarray, force: np.ndarray, name: str = "fo
     return file
 
 
+@pytest.mark.slow
 def test_a_log_by_the_same_clock_and_by_another_that_is_off_by_a_percent_gives_the_same_modulus(
     files: tuple[Path, Path], tmp_path: Path
 ) -> None:
@@ -55,6 +57,7 @@ def test_a_log_by_the_same_clock_and_by_another_that_is_off_by_a_percent_gives_t
     assert (same.time_constant_s, found.time_constant_s) == (None, None)
 
 
+@pytest.mark.slow
 def test_the_moves_that_collect_wrote_give_the_force_its_course(
     files: tuple[Path, Path], tmp_path: Path
 ) -> None:
@@ -136,28 +139,14 @@ def test_the_clock_is_found_under_a_drift_of_the_tare_and_of_the_clock() -> None
         log = ForceLog(file="cell.csv", time_s=(1.0 + rate) * time_s + 17.3, force_n=force_n + drift)
         found = force_clock(path, log, "auto").at(log.time_s)
         assert np.abs(found - time_s).max() < 0.3  # the fit refines it
-        with pytest.raises(InputError, match=r"negative when the tip presses.* negate the column"):
+        with pytest.raises(InputError, match=r"tip presses.* negate"):
             force_clock(path, ForceLog(file="cell.csv", time_s=log.time_s, force_n=-force_n), "auto")
-
-
-def test_a_force_in_grams_is_refused_before_the_light_is_fitted(
-    files: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    log = read_force_log(files[1])
-    grams = write_log(tmp_path / "grams.csv", log.time_s, log.force_n / 9.80665e-3)
-    for name in ("read_data", "require_design", "data_notes"):
-        monkeypatch.setattr(calibration, name, lambda *_, **__: ())
-    monkeypatch.setattr(calibration, "calibrated", lambda *_, **__: pytest.fail("the light was fitted"))
-    with pytest.raises(InputError, match=r"81\.\d MPa, is 81\.\d times the design's.* is the force in grams"):
-        calibration.calibrate(
-            PAD, files[0], with_model=False, quick=True, seed=0, on_step=lambda *_: None, force=grams
-        )
 
 
 def test_logs_that_do_not_fit_are_refused_with_a_way_out(files: tuple[Path, Path], tmp_path: Path) -> None:
     log = read_force_log(files[1])
     late = replace(log, time_s=log.time_s + 3600.0)
-    with pytest.raises(InputError, match=r"no time in common with the recording.*--offset auto"):
+    with pytest.raises(InputError, match=r"recording.*--offset auto"):
         _pressed_force(files[0], late, None)
     with pytest.raises(InputError, match=r"is out of step .* find the offset with --offset auto"):
         _pressed_force(files[0], replace(log, time_s=log.time_s + 2.0), None)
@@ -168,14 +157,14 @@ def test_logs_that_do_not_fit_are_refused_with_a_way_out(files: tuple[Path, Path
         with pytest.raises(InputError, match=said):
             read_force_log(write_log(tmp_path / "bad.csv", log.time_s, log.force_n, name))
     xr.Dataset({"press_x": ("time", [1.0])}).to_netcdf(tmp_path / "b.nc", engine="h5netcdf")
-    with pytest.raises(InputError, match="has no host_time, needs a recording of `driver record`"):
+    with pytest.raises(InputError, match="host_time"):
         _pressed_force(tmp_path / "b.nc", log, None)
 
 
 def test_an_offset_without_a_log_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     command = ["calibrate", "piacenza2017-pad", str(tmp_path / "a.nc"), "--offset", "auto"]
     assert main(command) == 2
-    assert "--offset: shifts a load cell's log; give --force, too" in capsys.readouterr().err
+    assert says(capsys.readouterr().err, "--offset ... --force")
 
 
 def test_the_model_s_force_has_the_error_of_the_modulus() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -43,13 +42,6 @@ def test_build_writes_the_library_and_compares_it_with_the_shipped_one(tmp_path,
     assert held["coefficients"][0, 0, 0] == pytest.approx(
         shipped_library().coefficients[0, 0, 0] + np.log(1.01), rel=1e-6
     )
-
-
-def test_build_as_json_is_one_object(tmp_path, capsys, made):
-    assert main(["contact", "build", "--out", str(tmp_path / "p.npz"), "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert found["force_difference"] == pytest.approx(0.01, rel=1e-3)
-    assert found["surface_difference_tip_radii"] == 0.0
 
 
 def test_a_place_that_cannot_be_written_is_refused_before_anything_is_solved(tmp_path, capsys, made):

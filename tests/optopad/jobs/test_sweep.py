@@ -11,12 +11,13 @@ from design.preset import preset
 from fabrication.bundle import altered_files, bundle_name
 from optopad.cli import main
 from optopad.jobs import sweep as sweeping
-from optopad.jobs.sweep import marked, run_sweep
+from optopad.jobs.sweep import run_sweep
 from optopad.results.figures import TABLE_WIDTH, figures_of
 from optopad.results.sweep import Sweep
 from optopad.work import FinishedWork
 from sims.plots.sweep import plot_sweep
 from sims.score.sweep import SweepRow, disputed, sweep_row
+from tests.said import says
 from tests.sims.made_up_bounds import made_up_bounds
 from tests.sims.made_up_scores import contiguous_score, dead_score, out_of_scope_score
 
@@ -88,7 +89,7 @@ def test_table_file_and_figure_show_what_varies(tmp_path, monkeypatch):
     assert units.split() == ["sigma", *["mm"] * 4, "N", "mm"]
     assert "CONTIGUOUS to 3.1 of 5 mm  4.6     3.10" in line
     assert "OUT_OF_MODEL_SCOPE         -" in beyond
-    assert same.startswith("the same for all: pressable 8 x 8 mm (16 %), outside 33 x 33 mm, parts 6, price")
+    assert says(same, "8 x 8 mm ... 16 % ... 33 x 33 mm ... 6, price")
     assert any("press less deep" in reason for reason in rest)
     assert max(map(len, made.lines()[:5])) <= TABLE_WIDTH
     written = list(csv.DictReader(made.to_csv().splitlines()))
@@ -162,10 +163,7 @@ def test_rows_in_dispute_are_judged_again_more_finely_and_say_so(monkeypatch, tm
     assert asked == [(8.0, setting), (8.5, setting), (9.0, setting)]
     assert [row.refined for row in made.rows] == ["", setting, setting, setting]
     assert {row.score["verdict"] for row in made.rows} == {"CONTIGUOUS"}
-    assert (
-        f"8.0, 8.5, 9.0: judged again with the settings of optopad score --{setting}, because neighbouring values "
-        "disagreed" in made.lines()
-    )
+    assert any(line.startswith("8.0, 8.5, 9.0: ") and f"--{setting}" in line for line in made.lines())
     assert [row["refined"] for row in csv.DictReader(made.to_csv().splitlines())] == ["", *[setting] * 3]
     asked.clear()
     assert not any(row.refined for row in swept(tmp_path, [7.5, 8.0, 8.5], design=design, fine=True).rows)
@@ -194,7 +192,7 @@ def test_an_interrupted_sweep_goes_on_where_it_stopped(monkeypatch, tmp_path):
     made = swept(tmp_path, [8.0, 8.5, 10.0])
     assert asked == [8.0, 8.5, 8.5, 10.0]
     assert made.taken_up == 1
-    assert "1 of 3 values were computed by an earlier, interrupted sweep" in made.lines()[-1]
+    assert "1 of 3" in made.lines()[-1]
 
 
 @pytest.mark.parametrize("other", [{"seed": 1}, {"fine": True}])
@@ -260,7 +258,7 @@ def test_whole_numbers_stay_whole(judged, tmp_path, capsys):
     [
         ("cavity.clear_thicknes_mm=7,8", "did you mean cavity.clear_thickness_mm"),
         ("cavity.clear_thickness_mm=8,8", "is given twice"),
-        ("cavity.clear_thickness_mm=8,,9", "a value between commas is missing"),
+        ("cavity.clear_thickness_mm=8,,9", "value between commas"),
         ("cavity.clear_thickness_mm=9:8:1", "A up to B"),
         ("cavity.clear_thickness_mm=thick,9", "must be a number"),
         ("receivers.part=osram-sfh206", "osram-sfh206k"),
@@ -271,12 +269,6 @@ def test_a_bad_sweep_is_refused_before_anything_is_computed(judged, tmp_path, ca
     assert words in capsys.readouterr().err
     assert judged == []
     assert not (tmp_path / "out").exists()
-
-
-def test_a_mold_of_a_set_carries_its_value_and_so_does_its_folder():
-    design = marked(PAIR.with_(**{THICKNESS: 8.5}), 8.5)
-    assert design.mold.label == "8.5"
-    assert design.name == "piacenza2017-pair-8.5"
 
 
 @pytest.mark.full

@@ -12,13 +12,11 @@ from design.preset import preset
 from design.shape.cavity import cavity_of
 from optopad.report.page import write_report
 from optopad.report.scenes.cause_drawing import plot_cause
-from optopad.screen.verdict import step_lines
 from optopad.screen.verdict_sentences import cause_sentence
 from sims.verdict.tolerance import Effect, FieldStep, FieldSteps
-from sims.verdict.trial import Move, Trial, TriedMove
 from tests.optopad.report.page_reader import Page
 from tests.optopad.screen.test_one_screen import cause
-from tests.sims.made_up_scores import CHECKS, contiguous_score, dead_score
+from tests.sims.made_up_scores import CHECKS, dead_score
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 PAD, PAIR = preset("piacenza2017-pad"), preset("piacenza2017-pair")
@@ -39,21 +37,6 @@ STEPS = FieldSteps(
     ),
 )
 
-FOUND = Trial(
-    kind="deadband",
-    found="move",
-    moves=(Move(path="receivers.height_mm", parts="R1-R8", was=6.0, to=5.1),),
-    verdict="CONTIGUOUS",
-    deadband_mm=0.0,
-    usable_mm=5.0,
-    margin=6.24,
-    judged="all 25 locations, coarse light",
-    searched="the pad at x 16, y 16 mm",
-    tried=(TriedMove(changes={"receivers.height_mm": 5.1}, deadband_mm=0.0, usable_mm=5.0, margin=6.5),),
-    farthest_mm=0.9,
-    more_parts_tried=False,
-)
-
 
 def page(folder: Path, score) -> str:
     return write_report(PAD, folder, score, CHECKS, seed=7).read_text(encoding="utf-8")
@@ -72,23 +55,6 @@ def test_a_deadband_has_its_picture_and_the_words_of_the_screen(tmp_path: Path):
     for name in ("plot-cause-1.svg", "plot-field-steps.svg"):
         assert (tmp_path / "sims" / name).is_file()
     assert "Section through E1-R5 under the press" in text
-
-
-def test_the_moves_that_were_traced_are_listed_with_what_helps(tmp_path: Path):
-    text = page(tmp_path, replace(dead_score(), causes=(cause("none near"),), trial=FOUND))
-    assert "Traced changes, judged by the pad at x 16, y 16 mm: receivers R1-R8 from 6 to 5.1 mm" in text
-    assert "receivers.height_mm = 5.1" in text
-    assert "Traced changes" not in page(tmp_path, replace(dead_score(), causes=(cause("none near"),)))
-
-
-def test_without_a_blind_interval_nothing_is_asked(tmp_path: Path):
-    assert not {"why", "matters"} & identifiers(page(tmp_path, contiguous_score()))
-
-
-def test_a_cause_without_a_pair_is_told_in_words_alone(tmp_path: Path):
-    text = page(tmp_path, replace(dead_score(), causes=(cause("none near"),)))
-    assert "no pair near" in text
-    assert not (tmp_path / "sims" / "plot-cause-1.svg").exists()
 
 
 def test_the_section_is_that_of_the_pair_under_the_press():
@@ -126,15 +92,3 @@ def test_a_part_s_own_name_may_have_a_hyphen():
     found = cause("apart")
     witness = replace(found.witnesses[0], pair="LED-1-PD-1")
     assert plot_cause(named, replace(found, place_mm=(10.0, 10.0), witnesses=(witness,))) is not None
-
-
-def test_details_say_what_a_step_does():
-    lines = step_lines(STEPS)
-    assert lines[0] == (
-        "sensitivity receivers.height_mm: -0.1 mm refused; +0.1 mm margin +2.0 sigma, deadband -0.30 mm, "
-        "location bound +10%, depth bound +0%"
-    )
-    assert lines[1].startswith(
-        "sensitivity cavity.clear_thickness_mm: -0.5 mm margin +7.0 sigma, location bound +0%"
-    )
-    assert lines[2] == "            judged by the pad at x 16, y 16 mm"

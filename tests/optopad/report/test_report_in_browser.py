@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from optopad.report.page import write_report
 from tests.optopad.report.bounded_score import PAD, bounded_score
 from tests.optopad.report.browser import NAMES, Tab, browser_path, tab
 from tests.optopad.report.shell_mold import shell_stl
+from tests.said import says
 from tests.sims.made_up_scores import CHECKS, dead_score
 
 pytestmark = pytest.mark.skipif(
@@ -111,37 +111,6 @@ def test_keys_turn_and_size_the_view(shown):
     assert (back["yaw"], back["pitch"], back["zoom"]) == (start["yaw"], start["pitch"], "1.00")
 
 
-def drag(tab: Tab, kind: str, moves: list[tuple[int, int]], *, pointer: int = 1) -> None:
-    names = ["pointerdown", *["pointermove"] * (len(moves) - 2), "pointerup"]
-    steps = "".join(
-        f"canvas.dispatchEvent(new PointerEvent('{name}', {{pointerId: {pointer}, clientX: {x}, clientY: {y}, "
-        f"bubbles: true, pointerType: '{kind}'}}));"
-        for name, (x, y) in zip(names, moves, strict=True)
-    )
-    do(tab, f"(() => {{const canvas = document.querySelector('#rays-view canvas'); {steps}}})()")
-
-
-@pytest.mark.slow
-def test_a_mouse_turns_the_view_while_pressed(shown):
-    start = told(shown, "rays-view")
-    drag(shown, "mouse", [(300, 300), (350, 310), (350, 310)])
-    turned = told(shown, "rays-view")
-    assert float(turned["yaw"]) == pytest.approx(float(start["yaw"]) + 0.4 * 50)
-    assert float(turned["pitch"]) == pytest.approx(float(start["pitch"]) + 0.4 * 10)
-
-
-@pytest.mark.slow
-def test_two_fingers_size_the_view(shown):
-    script = """(() => {
-      const canvas = document.querySelector('#rays-view canvas');
-      const point = (type, pointerId, clientX) => canvas.dispatchEvent(
-        new PointerEvent(type, {pointerId, clientX, clientY: 300, bubbles: true, pointerType: 'touch'}));
-      point('pointerdown', 2, 300); point('pointerdown', 3, 400); point('pointermove', 3, 500);
-    })()"""
-    do(shown, script)
-    assert float(told(shown, "rays-view")["zoom"]) == pytest.approx(2.0)
-
-
 INK = """(() => {
   const canvas = document.querySelector('#rays-view canvas');
   const pixels = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
@@ -163,24 +132,6 @@ def test_the_mold_is_drawn_cut_open_whole_or_not_at_all(shown):
 
 
 @pytest.mark.slow
-def test_through_a_whole_mold_seen_from_the_side_no_light_is_drawn(shown):
-    colour = """(() => {
-      const canvas = document.querySelector('#rays-view canvas');
-      const pixels = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
-      let blue = 0;
-      for (let k = 0; k < pixels.length; k += 4) {
-        if (pixels[k + 3] === 255 && pixels[k + 2] > pixels[k] + 90) blue += 1;
-      }
-      return blue;
-    })()"""
-    choose(shown, "[data-do=side]")
-    assert shown.run(colour) > 100  # cut open: direct light in blue
-    choose(shown, "input[name=rays-mold][value=whole]")
-    names_only = shown.run(colour)
-    assert names_only < 20
-
-
-@pytest.mark.slow
 def test_a_press_a_kind_and_a_pair_can_be_chosen(shown):
     choose(shown, "input[name=rays-press][value='3']")
     pressed = told(shown, "rays-view")
@@ -191,7 +142,7 @@ def test_a_press_a_kind_and_a_pair_can_be_chosen(shown):
     focus(shown, "select[name=rays-pair]")
     shown.press("ArrowDown")
     assert told(shown, "rays-view")["pair"] == "1"
-    assert text_of(shown, "[data-total]").endswith("of its untouched light arrives")
+    assert "untouched light arrives" in text_of(shown, "[data-total]")
 
 
 @pytest.mark.slow
@@ -207,24 +158,6 @@ def test_the_picker_draws_each_pair_with_its_modes_and_deadband(shown):
         assert shown.run("document.querySelectorAll('[data-plot] polyline').length") == 4
         choose(shown, "[data-step='1']")
     assert told(shown, "pairs-view")["pair"] == score.pairs[0].name  # round again
-
-
-@pytest.mark.slow
-def test_the_depth_of_the_picker_reads_the_curves(shown):
-    pair = dead_score(PAIR).pairs[0]
-    focus(shown, "#pairs-depth")
-    shown.press("End")
-    assert told(shown, "pairs-view")["depth"] == "5.00"
-    share = float(pair.curves.total[-1] / pair.curves.total[0])
-    assert text_of(shown, "[data-value=total]") == f"{100 * share:.1f} %"
-    shown.press("ArrowLeft", times=3)
-    assert told(shown, "pairs-view")["depth"] == "4.97"
-
-
-@pytest.mark.slow
-def test_a_pair_of_the_table_is_shown_by_its_link(shown):
-    choose(shown, "a[data-pair='E3-R3']")
-    assert told(shown, "pairs-view")["pair"] == "E3-R3"
 
 
 @pytest.mark.slow
@@ -259,23 +192,6 @@ def test_arrow_keys_move_from_place_to_place(shown):
 
 
 @pytest.mark.slow
-def test_dark_follows_the_system_and_the_readers_choice(browser, page):
-    ground = "getComputedStyle(document.body).backgroundColor"
-    browser.open(page, dark=True)
-    assert browser.run(ground) == "rgb(20, 23, 27)"
-    focus(browser, "#theme")
-    browser.run("document.getElementById('theme').value = 'light'")
-    do(browser, "document.getElementById('theme').dispatchEvent(new Event('change', {bubbles: true}))")
-    assert browser.run(ground) == "rgb(246, 247, 249)"
-    browser.run("document.getElementById('theme').value = 'auto'")
-    do(browser, "document.getElementById('theme').dispatchEvent(new Event('change', {bubbles: true}))")
-    assert browser.run(ground) == "rgb(20, 23, 27)"
-    browser.prefer("light")
-    browser.settle()
-    assert browser.run(ground) == "rgb(246, 247, 249)"
-
-
-@pytest.mark.slow
 def test_a_blind_place_is_said_and_hatched_at_its_depth_only(browser, tmp_path):
     page = write_report(PAD, tmp_path, bounded_score(), CHECKS, seed=0)
     browser.open(page)
@@ -285,9 +201,7 @@ def test_a_blind_place_is_said_and_hatched_at_its_depth_only(browser, tmp_path):
     browser.press("Home")
     hatched = "document.querySelectorAll('[data-map] .dead-cell').length"
     assert browser.run(hatched) == 0
-    assert "0.0040 mm (0.0039 to 0.0041 mm by numerical error of the light model)" in text_of(
-        browser, "#maps-view [data-reading]"
-    )
+    assert says(text_of(browser, "#maps-view [data-reading]"), "0.0040 mm (0.0039 to ... 0.0041 mm")
     browser.press("ArrowRight", times=4)
     assert told(browser, "maps-view")["depth"] == "4.90"
     assert browser.run(hatched) == 25
@@ -329,14 +243,6 @@ def test_text_has_the_contrast_that_wcag_asks_for(browser, page, dark):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("dark", [False, True])
-def test_a_narrow_page_does_not_scroll_sideways(browser, page, dark):
-    browser.open(page, width=NARROW, height=844, dark=dark)
-    assert browser.run("document.documentElement.scrollWidth") == NARROW
-    assert browser.complaints == []
-
-
-@pytest.mark.slow
 def test_tab_reaches_every_control_in_the_order_of_the_page(shown):
     order = """(() => {
       const kinds = 'a[href], button, select, input, canvas[tabindex], svg[tabindex], summary';
@@ -357,33 +263,3 @@ def test_every_control_has_a_name_and_every_table_its_heads(shown):
     assert shown.run(nameless) in ([], None)
     heads = "[...document.querySelectorAll('table')].every((t) => t.querySelectorAll('thead th[scope=col]').length > 1)"
     assert shown.run(heads)
-
-
-@pytest.mark.slow
-def test_motion_waits_for_a_reader_who_wants_it(browser, page):
-    browser.open(page)
-    browser.prefer("light", reduced_motion=True)
-    browser.call("Page.reload")
-    browser.run("new Promise((done) => setTimeout(done, 800))")
-    assert browser.run("document.querySelector('[data-play]').hidden")
-    assert browser.run("getComputedStyle(document.documentElement).scrollBehavior") == "auto"
-
-
-def pages_of(pdf: bytes) -> int:
-    return len(re.findall(rb"/Type\s*/Page[^s]", pdf))
-
-
-@pytest.mark.slow
-def test_the_page_prints_on_a_few_sheets_with_the_sheets_open(shown):
-    pdf = shown.pdf()
-    # verdict to build sheet of three pairs; 48 pairs take two sheets more
-    assert 6 <= pages_of(pdf) <= 16
-    assert shown.run("document.querySelectorAll('details.sheet[open]').length") == 0
-    shown.call("Emulation.setEmulatedMedia", media="print", features=[])
-    printed = shown.run(
-        "['rays', 'pairs', 'maps'].map((n) => [n + '-view', n + '-still']"
-        ".map((id) => getComputedStyle(document.getElementById(id)).display))"
-    )
-    assert [view for view, _ in printed] == ["none"] * 3
-    assert [still == "none" for _, still in printed] == [False] * 3
-    assert shown.run("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"

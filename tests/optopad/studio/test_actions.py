@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import os
 import subprocess
 import sys
 import threading
@@ -69,28 +67,6 @@ def test_improve_tells_its_progress_and_gives_its_alternatives_as_designs(
     assert "improve: 3 designs tried" in [one.text for one in said]
     assert [ghost.design.receivers.height_mm for ghost in found[0]] == [6.5]
     assert found[0][0].kind == "fewest changes"
-
-
-def test_the_words_of_a_program_that_fails_are_said(tmp_path: Path, monkeypatch) -> None:
-    text = "import sys; print('optopad: --out: the disk is full', file=sys.stderr); sys.exit(2)"
-    monkeypatch.setattr(actions, "started", program(text))
-    said: list[Said] = []
-    Task(tmp_path, said.append).build(PAIR, lambda _folder: pytest.fail("nothing was built"))
-    end = time.monotonic() + SOON_S
-    while not any(one.is_bad for one in said) and time.monotonic() < end:
-        time.sleep(0.01)
-    assert said[-1] == Said(text="run: --out: the disk is full", is_bad=True)
-
-
-def test_a_result_of_another_time_is_not_taken_for_this_one(tmp_path: Path, monkeypatch) -> None:
-    former = tmp_path / "improve-piacenza2017-pair-00000000" / "improve.json"
-    former.parent.mkdir()
-    former.write_text(json.dumps({"alternatives": []}), encoding="utf-8")
-    os.utime(former, (1e9, 1e9))
-    monkeypatch.setattr(actions, "started", program(""))
-    said: list[Said] = []
-    Task(tmp_path, said.append).improve(PAIR, lambda _ghosts: pytest.fail("nothing was found"))
-    assert until(said, "its result cannot be read").is_bad
 
 
 def test_one_at_a_time_and_what_runs_is_ended_within_seconds(tmp_path: Path, monkeypatch) -> None:

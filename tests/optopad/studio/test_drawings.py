@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import io
 import re
 from collections.abc import Iterator
 from dataclasses import replace
@@ -12,7 +10,6 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from design.errors import ModelScopeError
 from design.fields.finding import error
@@ -21,17 +18,16 @@ from design.rules.check import check
 from design.shape.cavity import CavityGeometry, cavity_of, workspace_of
 from design.spec import SensorDesign
 from fabrication.driver.pattern import Problem
-from optopad.results.figures import figures_of
 from optopad.studio.drawings import QUANTITIES, curves_svg, map_svg, quantity, readings_svg
 from optopad.studio.live import LiveView
 from optopad.studio.live_results import LiveVerdict, Progress
 from optopad.studio.pad_mesh import cut_open
-from optopad.studio.sentences import bad_parts, curves_title, pins_html, said_html, sensor_html, verdict_html
+from optopad.studio.sentences import pins_html, said_html, sensor_html, verdict_html
 from optopad.studio.session import LivePress, Said, Version
 from optopad.studio.surface_mesh import pressed_top
 from sims.readings.readout import Readout
 from sims.score.objective import PlaceCurves
-from sims.score.result import ContinuityScore, JudgedPair
+from sims.score.result import JudgedPair
 from sims.verdict.pad_map import PadMap, Place, grid_places_mm, map_grid_mm
 from tests.optopad.report.bounded_score import bounded_score
 from tests.sims.made_up_scores import dead_score, made_up_depths, made_up_pair, out_of_scope_score
@@ -117,25 +113,6 @@ def test_a_pair_s_row_shows_its_modes_and_deadbands_where_they_are() -> None:
     assert float(dead.attrib["width"]) == pytest.approx(per_mm * (end - start), abs=0.05)
 
 
-def test_the_press_s_depth_is_a_line_across_all_rows() -> None:
-    root = drawn(curves_svg(curves(made_up_pair()), 2.5))
-    (line,) = [one for one in root.iter("line") if "stroke-dasharray" in one.attrib]
-    assert line.attrib["x1"] == line.attrib["x2"] == f"{(40.0 + 392.0) / 2:.1f}"
-
-
-@pytest.mark.parametrize("first", [0.0, 1e-12])
-def test_a_pair_that_sees_nothing_untouched_is_drawn_within_the_frame(first: float) -> None:
-    pair = made_up_pair()
-    total = pair.curves.total.copy()
-    total[0] = first
-    dark = replace(pair, curves=replace(pair.curves, total=total))
-    svg = curves_svg(curves(made_up_pair("E2-R2"), dark), 1.0)
-    for line, _ in titled(drawn(svg), "polyline"):
-        heights = [float(point.split(",")[1]) for point in line.attrib["points"].split()]
-        assert 8.0 <= min(heights) <= max(heights) <= 138.0
-    assert len(svg) < 20_000
-
-
 @pytest.mark.parametrize("name", QUANTITIES)
 def test_a_map_has_a_cell_a_place_and_what_is_blind_is_hatched(name: str) -> None:
     score, cavity = BOUNDED, cavity_of(preset(PAD))
@@ -161,16 +138,6 @@ def test_a_map_has_a_cell_a_place_and_what_is_blind_is_hatched(name: str) -> Non
     assert f"{found.title} [{found.unit}]" in texts(root)
 
 
-def test_a_map_shows_every_part_by_name_and_the_bad_ones_red() -> None:
-    cavity = cavity_of(preset(OBLONG))
-    root = drawn(map_svg(cavity, None, PRESS, ("E3", "R7")))
-    names = [part.name for part in cavity.parts]
-    assert [text for text in texts(root) if text in names] == names
-    dots = [one.attrib["fill"] for one in root.iter("circle") if one.attrib["r"] == "3.4"]
-    assert [name for name, colour in zip(names, dots, strict=True) if colour == "#d1242f"] == ["E3", "R7"]
-    assert root.attrib["aria-label"] == "Map of the pad: no map yet"
-
-
 def test_a_map_is_the_pad_seen_from_above() -> None:
     cavity = cavity_of(preset(PAD))
     root = drawn(map_svg(cavity, None, LivePress(x_mm=8.0, y_mm=24.0, depth_mm=1.0)))
@@ -179,25 +146,6 @@ def test_a_map_is_the_pad_seen_from_above() -> None:
     assert float(tip.attrib["cx"]) == pytest.approx(26 + scale * 8.0, abs=0.06)
     assert float(tip.attrib["cy"]) == pytest.approx(26 + scale * (32.0 - 24.0), abs=0.06)
     assert float(tip.attrib["r"]) == pytest.approx(scale * 3.0, abs=0.06)
-
-
-@pytest.mark.parametrize("name", ["usable depth", "detection threshold", "margin", "deadband"])
-def test_a_map_that_is_the_same_everywhere_is_drawn(name: str) -> None:
-    score = BOUNDED
-    assert score.pad_map is not None
-    assert score.bounds is not None
-    assert score.bounds.detection is not None
-    places = tuple(
-        replace(place, depths=made_up_depths(usable_mm=0.0, margin=0.0)) for place in score.pad_map.places
-    )
-    detection = replace(score.bounds.detection, force_n=np.zeros_like(score.bounds.detection.force_n))
-    flat = replace(
-        score,
-        pad_map=replace(score.pad_map, places=places),
-        bounds=replace(score.bounds, detection=detection),
-    )
-    root = drawn(map_svg(cavity_of(preset(PAD)), quantity(name, flat), PRESS))
-    assert len(titled(root, "rect")) == 25
 
 
 @pytest.mark.parametrize("name", SHAPED_PRESETS)
@@ -220,24 +168,6 @@ def test_a_map_has_a_cell_for_each_place_of_the_workspace_and_none_beside_it(nam
         assert len(places) < len(x_mm) * len(y_mm)
 
 
-@pytest.mark.parametrize("name", QUANTITIES)
-def test_what_is_not_known_yet_is_no_map(name: str) -> None:
-    assert quantity(name, REFUSED) is None
-    known = quantity(name, DEAD) is not None
-    assert known == (name in ("deadband", "usable depth", "margin"))
-
-
-def test_a_pad_of_one_place_has_one_cell() -> None:
-    score, cavity = DEAD, cavity_of(preset(PAD))
-    assert score.pad_map is not None
-    one = replace(
-        score, pad_map=replace(score.pad_map, x_mm=(16.0,), y_mm=(16.0,), places=score.pad_map.places[:1])
-    )
-    ((cell, title),) = titled(drawn(map_svg(cavity, quantity("deadband", one), PRESS)), "rect")
-    assert title == "x 16, y 16 mm: 1.9 mm"
-    assert float(cell.attrib["width"]) == pytest.approx(400 - 52, abs=0.1)
-
-
 def test_readings_have_a_row_an_emitter_and_a_cell_a_pair() -> None:
     live = np.arange(6.0).reshape(2, 3) * 100
     root = drawn(readings_svg(["E1", "E2"], ["R1", "R2", "R3"], live, live + 10, ("E2", "E1-R3")))
@@ -252,25 +182,6 @@ def test_readings_have_a_row_an_emitter_and_a_cell_a_pair() -> None:
     assert len({cell.attrib["x"] for cell, _ in cells}) == 3
     bare = drawn(readings_svg(["E1", "E2"], ["R1", "R2", "R3"], live, None))
     assert [title for _, title in titled(bare, "rect")][5] == "E2-R3: 500 counts"
-
-
-def test_many_readings_are_the_pixels_of_one_picture() -> None:
-    live = np.full((64, 64), 300.0)
-    simulated = live.copy()
-    simulated[3, 5], simulated[7, 9], simulated[1, 1] = 600.0, 150.0, 2.0
-    names = [[f"{letter}{k + 1}" for k in range(64)] for letter in "ER"]
-    text = readings_svg(*names, live, simulated, ("E1",))
-    root = drawn(text)
-    (picture,) = root.iter("image")
-    data = base64.b64decode(picture.attrib["href"].partition("base64,")[2])
-    pixels = np.asarray(Image.open(io.BytesIO(data)))
-    assert pixels.shape == (64, 64, 4)
-    assert pixels[3, 5, :3].tolist() == [213, 94, 0]
-    assert pixels[7, 9, :3].tolist() == [0, 119, 200]
-    assert pixels[1, 1, :3].tolist() == [128, 128, 128]
-    assert pixels[3, 5, 3] == round(255 * (0.08 + 0.5 * 0.5))
-    assert len(text) < 20_000
-    assert list(titled(root, "rect")) == []
 
 
 def renamed(cavity: CavityGeometry, name: str) -> CavityGeometry:
@@ -322,86 +233,6 @@ def test_what_is_said_is_text_whatever_it_is(number: int) -> None:
     assert words.tags <= {"b", "div", "span", "table", "tr", "td", "th"}
 
 
-def test_the_verdict_is_in_the_words_of_a_score_and_says_how_fine_it_is() -> None:
-    design = preset(PAD)
-    for level, badge in (("draft", "draft"), ("score", "score"), ("whole", "score")):
-        judged = LiveVerdict(digest=design.digest, level=level, score=DEAD)  # type: ignore[arg-type]
-        words = Words(verdict_html(version(design), judged, "", None)).text
-        assert "DEADBAND: at 10 of 25 locations" in words
-        assert badge in words
-
-
-def test_a_verdict_of_the_design_before_says_so_until_there_is_one() -> None:
-    design = preset(PAD)
-    judged = LiveVerdict(digest="0" * 64, level="draft", score=DEAD)
-    assert "of the design before: DEADBAND" in Words(verdict_html(version(design), judged, "", None)).text
-    assert Words(verdict_html(version(design), None, "", None)).text == "computing the first result"
-    told = Words(verdict_html(version(design), judged, "too deep", None)).text
-    assert told == "no resulttoo deep"
-
-
-def test_a_press_without_an_answer_leaves_the_verdict_standing() -> None:
-    design = preset(PAD)
-    judged = LiveVerdict(digest=design.digest, level="score", score=DEAD)
-    told = Words(verdict_html(version(design), judged, "too near the wall", None)).text
-    assert "DEADBAND: at 10 of 25 locations" in told
-    assert "of this press: too near the wall" in told
-    assert "no result" not in told
-
-
-def test_errors_are_in_the_words_of_check_and_count_as_many_as_there_are() -> None:
-    design = preset(PAD).with_(**{"receivers.height_mm": 8.5, "cavity.length_mm": 31.0})
-    now = version(design)
-    told = Words(verdict_html(now, None, "", Progress(stage="map", share=0.25))).text
-    assert f"does not fit: {len(now.errors)} error" in told
-    assert "nothing is judged or saved" in told
-    assert str(now.errors[0]) in told
-    assert told.endswith("light, map of the pad: 25%")
-
-
-def test_pins_stand_beside_the_design_with_figures_of_the_judged_ones() -> None:
-    design, other = preset(PAD), preset(PAD).with_(**{"cavity.clear_thickness_mm": 9.0})
-    score = BOUNDED
-    judged = LiveVerdict(digest=design.digest, level="score", score=score)
-    html = pins_html([version(design, "as in the file")], version(other), {design.digest: judged})
-    words = Words(html)
-    assert "as in the file" in words.titles
-    cells = figures_of(design, score).cells
-    assert html.count("<tr>") == 1 + len(cells)
-    assert all(cell.title in words.text and cell.text in words.text for cell in cells)
-    assert words.text.count("…") == 8  # of the design without a score; its size is known
-    assert "draft" not in words.text
-    drafted = replace(judged, level="draft")
-    assert (
-        "pin 1, draft" in Words(pins_html([version(design)], version(other), {design.digest: drafted})).text
-    )
-    assert pins_html([], version(design), {}) == ""
-
-
-def test_the_curves_title_tells_place_load_and_how_finely() -> None:
-    title = curves_title((11.04, 20.0), is_draft=True, force_n=1.234, depth_mm=2.0, is_old=False)
-    assert "at x 11.0, y 20.0 mm; at 2.00 mm 1.23 N" in Words(title).text
-    assert "draft" in title
-    assert "score" in curves_title((1.0, 2.0), is_draft=False, force_n=None, depth_mm=2.0, is_old=False)
-    assert "design before" in curves_title(
-        (1.0, 2.0), is_draft=False, force_n=None, depth_mm=2.0, is_old=True
-    )
-
-
-@pytest.mark.parametrize(
-    ("changes", "bad"),
-    [
-        ({}, ()),
-        ({"receivers.height_mm": 8.5}, tuple(f"R{k}" for k in range(1, 9))),
-        ({"layout.0.pitch_mm": 9.0}, ("R2", "R4", "R6", "R8")),
-    ],
-)
-def test_bad_parts_are_those_that_an_error_is_about(changes: dict[str, float], bad: tuple[str, ...]) -> None:
-    design = preset(PAD).with_(**changes)
-    found = bad_parts(version(design), cavity_of(design).parts)
-    assert found == bad
-
-
 def box(size: tuple[float, float, float]) -> tuple[np.ndarray, np.ndarray]:
     """A closed box from the origin, normals outward."""
     points = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float) * size
@@ -428,23 +259,6 @@ def test_a_box_cut_open_has_the_area_without_the_cut_face_and_the_volume_behind_
     front = wide * high if at == 0.0 else 0.0  # the front lies in the cut and stays
     assert area == pytest.approx(2 * left * (wide + high) + wide * high + front)
     assert volume == pytest.approx(wide * high * left)
-
-
-def test_a_cut_beside_a_mesh_leaves_all_of_it_or_nothing() -> None:
-    points, triangles = box((2.0, 4.0, 3.0))
-    assert area_and_volume(*cut_open(points, triangles, -1.0)) == pytest.approx((52.0, 24.0))
-    whole, none = cut_open(points, triangles, -1.0), cut_open(points, triangles, 5.0)
-    assert whole[1].shape == triangles.shape
-    assert none[0].shape == none[1].shape == (0, 3)
-
-
-def test_nothing_of_a_cut_mesh_lies_before_the_plane() -> None:
-    random = np.random.default_rng(3)
-    points = random.normal(size=(60, 3))
-    triangles = random.integers(60, size=(200, 3))
-    cut, corners = cut_open(points, triangles, 0.2)
-    assert cut[:, 1].min() == pytest.approx(0.2, abs=1e-12)
-    assert corners.max() == len(cut) - 1
 
 
 def projected_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
@@ -501,11 +315,3 @@ def test_the_drawn_top_is_the_top_that_light_sees(name: str) -> None:
 def test_a_press_that_the_contact_model_does_not_cover_is_refused() -> None:
     with pytest.raises(ModelScopeError, match="mm"):
         pressed_top(preset(PAD), (16.0, 16.0), 7.9)
-
-
-def test_a_score_out_of_scope_is_said_with_its_reason() -> None:
-    design = preset(PAD)
-    score: ContinuityScore = REFUSED
-    judged = LiveVerdict(digest=design.digest, level="whole", score=score)
-    told = Words(verdict_html(version(design), judged, "", None)).text
-    assert f"OUT_OF_MODEL_SCOPE: {score.reason}" in told

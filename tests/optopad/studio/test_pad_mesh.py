@@ -12,18 +12,15 @@ from design.preset import PRESETS, SHAPED_PRESETS, preset
 from design.shape.cavity import cavity_of, workspace_of
 from design.spec import SensorDesign
 from optopad.studio import surface_mesh
-from optopad.studio.pad_mesh import cut_open, outline_mm, side_walls, slab, struck_place, untouched_top
+from optopad.studio.pad_mesh import cut_open, outline_mm, struck_place, untouched_top
 from optopad.studio.surface_mesh import pressed_top
 from optopad.studio.view.shapes import (
     along_normal,
-    along_one_way,
     body_box,
     facing,
-    mold_edges,
     plane_cut,
     round_cut,
     tip_apex_mm,
-    turn_deg,
 )
 from sims.contact.pad_surface import PadSurface, curve_height_mm, pad_surface
 from sims.optics.scene.lower import scene_of
@@ -117,30 +114,6 @@ def test_a_pressed_top_is_the_crown_with_the_press_on_it_in_the_frame_of_the_pre
     assert apex == pytest.approx(tip_apex_mm(cavity_of(design).plan, place, depth), abs=ROUND_OFF_MM)
 
 
-@pytest.mark.usefixtures("flat_presses")
-@pytest.mark.parametrize("name", SHAPED_PRESETS)
-@pytest.mark.parametrize("spot", SPOTS)
-def test_a_pressed_top_ends_at_the_walls(name: str, spot: tuple[float, float]) -> None:
-    design = preset(name)
-    still, triangles, _ = pressed_top(design, place_in(design, spot), 0.0)
-    pressed, now, _ = pressed_top(design, place_in(design, spot), 1.2)
-    assert areas_mm2(pressed, now).sum() == pytest.approx(areas_mm2(still, triangles).sum(), rel=1e-9)
-
-
-@pytest.mark.parametrize("name", PRESETS)
-def test_walls_and_black_layer_stand_on_the_outline(name: str) -> None:
-    plan = cavity_of(preset(name)).plan
-    points, triangles = side_walls(plan)
-    top = points[len(points) // 2 :]
-    assert (points[: len(points) // 2, 2] == 0.0).all()
-    assert top[:, 2] == pytest.approx([plan.top_mm(x, y) for x, y in top[:, :2]], abs=ROUND_OFF_MM)
-    assert triangles.max() == len(points) - 1
-    body, faces = slab(plan, 1.5)
-    a, b, c = (body[faces[:, k]] for k in range(3))
-    volume = float((a * np.cross(b, c)).sum()) / 6  # negative where it is inside out
-    assert volume == pytest.approx(1.5 * plan.area_mm2, rel=1.5e-3)
-
-
 @pytest.mark.parametrize("name", SHAPED_PRESETS)
 def test_a_top_cut_open_is_its_far_half(name: str) -> None:
     plan = cavity_of(preset(name)).plan
@@ -150,15 +123,6 @@ def test_a_top_cut_open_is_its_far_half(name: str) -> None:
     assert cut[:, 1].min() >= middle - ROUND_OFF_MM
     whole, half = areas_mm2(points, triangles).sum(), areas_mm2(cut, corners).sum()
     assert half == pytest.approx(whole / 2, rel=1e-3)  # facets are not quite symmetric
-
-
-def test_a_crown_that_does_not_span_its_pad_is_drawn_with_numbers() -> None:
-    for name in (CROWNED, DOME):
-        plan = cavity_of(preset(name).with_(**{"crown.radius_mm": 3.0})).plan
-        for points, _ in (untouched_top(plan), side_walls(plan)):
-            assert np.isfinite(points).all()
-        assert np.isfinite(tip_apex_mm(plan, (0.0, 0.0), 1.0)).all()
-        assert np.isfinite(along_normal(plan.normal(0.0, 0.0))).all()
 
 
 def turned(wxyz: tuple[float, float, float, float], vector: tuple[float, float, float]) -> np.ndarray:
@@ -219,21 +183,3 @@ def test_a_pointer_on_a_round_wall_is_met_on_its_own_side() -> None:
     beside = round_cut(eye, np.array([-40.0, 27.5, 5.0]), plan.centre_mm, radius, np.array([0.0, 27.5, 5.0]))
     assert np.isfinite(beside).all()
     assert plane_cut(eye, np.array([20.0, 0.0, 5.0]), 2, 5.0) == pytest.approx([20.0, 0.0, 5.0])
-
-
-def test_a_turn_is_counted_the_short_way_and_a_drag_goes_one_way() -> None:
-    plan = cavity_of(preset(DISC)).plan
-    east, north = np.array([55.0, 27.5, 5.0]), np.array([27.5, 55.0, 5.0])
-    assert turn_deg(plan.centre_mm, east, north) == pytest.approx(90.0)
-    assert turn_deg(plan.centre_mm, north, east) == pytest.approx(-90.0)
-    assert along_one_way(1.0, -0.5) == (True, False)
-    assert along_one_way(0.2, -0.5) == (False, True)
-
-
-@pytest.mark.parametrize("name", PRESETS)
-def test_the_mold_s_edges_are_its_outside(name: str) -> None:
-    design = preset(name)
-    ends = mold_edges(design).reshape(-1, 3)
-    size = ends.max(axis=0) - ends.min(axis=0)
-    assert size[:2] == pytest.approx([design.mold.outer_length_mm, design.mold.outer_width_mm])
-    assert ends[:, 2].min() == pytest.approx(-design.cavity.black_thickness_mm - design.mold.floor_mm)

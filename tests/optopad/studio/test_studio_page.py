@@ -81,7 +81,7 @@ def test_a_layer_made_thicker_tells_the_words_of_its_score_and_a_dragged_part_is
         browser.wait_for_text(f"saved: {file}", 10)
         text = file.read_text(encoding="utf-8")
         assert load_design(file).digest == thick.digest
-        assert "the strongest effect on deadbands" in text
+        assert "strongest effect" in text
         assert browser.errors == []
 
 

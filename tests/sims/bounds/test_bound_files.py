@@ -7,10 +7,7 @@ import pytest
 import xarray as xr
 
 from design.preset import preset
-from design.shape.cavity import cavity_of
 from sims.bounds.observability import bound_depths_mm, bounds_json
-from sims.plots.maps import plot_bound_sheet, plot_detection_map
-from sims.plots.style import plain_style
 from sims.readings.readout import save_dataset
 from sims.score.maps_file import bounds_dataset, provenance
 from tests.sims.made_up_bounds import made_up_bounds
@@ -53,23 +50,6 @@ def test_maps_open_with_one_line_and_keep_units_and_blind_voxels(bounds, tmp_pat
         assert maps.attrs["seed"] == 3
         assert maps.attrs["design_digest"] == preset("piacenza2017-pad").digest
         assert "numpy" in maps.attrs["versions"]
-
-
-def test_every_depth_gets_a_panel_and_blind_cells_are_hatched(bounds):
-    cavity = cavity_of(preset("piacenza2017-pad"))
-    with plain_style():
-        figure = plot_bound_sheet(bounds, cavity, "location")
-        titled = [ax for ax in figure.axes if ax.get_title()]
-        assert [ax.get_title() for ax in titled] == [f"{depth:g} mm deep" for depth in bounds.depth_mm]
-        assert [sum(patch.get_hatch() is not None for patch in ax.patches) for ax in titled] == [
-            1,
-            0,
-            0,
-            0,
-            0,
-        ]
-        assert plot_bound_sheet(bounds, cavity, "depth").axes[2].get_xlabel() == "x [mm]"
-        assert plot_detection_map(bounds.detection, cavity).get_ylabel() == "y [mm]"
 
 
 def test_bound_depths_leave_room_for_the_presses_beside_them():

@@ -35,12 +35,6 @@ def test_reading_makes_no_file(store: LightStore) -> None:
     assert not store.path.parent.exists()
 
 
-def test_more_names_than_one_question_holds_are_all_answered(store: LightStore) -> None:
-    many = {k.to_bytes(20, "big"): b"light" for k in range(2001)}
-    store.write(many)
-    assert store.read(list(many)) == many
-
-
 def test_a_row_with_a_flipped_bit_is_absent_and_the_others_are_not(store: LightStore) -> None:
     store.write(ROWS)
     name, content = next(iter(ROWS.items()))
@@ -86,19 +80,6 @@ def test_no_flipped_byte_gives_a_wrong_row_or_an_error(store: LightStore, step: 
     for place in range(0, len(whole), step):
         store.path.write_bytes(whole[:place] + bytes([whole[place] ^ 0xFF]) + whole[place + 1 :])
         assert store.read(list(ROWS)).items() <= ROWS.items()
-
-
-def test_a_flipped_byte_in_the_header_is_mended_by_the_next_writes(store: LightStore) -> None:
-    store.write(ROWS)
-    whole = store.path.read_bytes()
-    dead = []
-    for place in range(200):
-        store.path.write_bytes(whole[:place] + bytes([whole[place] ^ 0xFF]) + whole[place + 1 :])
-        for _ in range(2):  # the first may find the damage, and remove the file
-            store.write({b"new": b"row"})
-        if store.read([b"new"]) != {b"new": b"row"}:
-            dead.append(place)
-    assert dead == []
 
 
 def test_a_file_that_is_no_database_is_begun_anew(store: LightStore) -> None:
@@ -197,13 +178,6 @@ def test_gathered_rows_are_known_at_once_and_written_in_time(
     gathered.write({b"fourth": b"light"})
     gathered.put_away()
     assert store.read([b"fourth"]) == {b"fourth": b"light"}
-
-
-def test_gathered_rows_need_no_store() -> None:
-    gathered = GatheredLight(None)
-    gathered.write(ROWS)
-    gathered.put_away()
-    assert gathered.read(list(ROWS)) == ROWS
 
 
 def test_a_file_that_is_write_protected_is_read_and_stays(

@@ -45,8 +45,8 @@ def test_a_press_in_a_corner_is_that_of_a_deeper_one_in_the_middle(
     [
         (float("nan"), None, InputError, "depth_mm: nan"),
         (float("inf"), None, InputError, "depth_mm: inf"),
-        (5.2, None, ModelScopeError, r"depth_mm: 5\.2 mm is deeper than the contact model covers: 5\.1 mm"),
-        (1.0, (-1.0, 5.0), InputError, r"at_mm: x = -1 mm must lie in the cavity"),
+        (5.2, None, ModelScopeError, r"depth_mm: 5\.2 mm.*5\.1 mm"),
+        (1.0, (-1.0, 5.0), InputError, "at_mm: x.*-1 mm must"),
         (1.0, (5.0, 1e9), InputError, r"at_mm: y = 1e\+09 mm"),
         (1.0, (5.0, float("nan")), InputError, "at_mm: y = nan"),
     ],

@@ -142,8 +142,8 @@ def test_what_light_sees_ends_flat_and_beyond_the_walls() -> None:
 def test_a_pad_too_small_for_its_tip_is_told() -> None:
     small = too_small()
     (note,) = solved_press(small).notes
-    assert "12 x 12 mm is too small for this tip" in note
-    assert "use a larger pad or a smaller tip" in note
+    assert "12 x 12 mm" in note
+    assert "smaller tip" in note
     assert solved_press(preset("piacenza2017-pair")).notes == ()
 
 

@@ -100,10 +100,10 @@ def test_the_deepest_press_is_known_at_the_border_of_the_workspace(name: str) ->
 def test_what_is_not_covered_is_refused_by_its_field() -> None:
     with pytest.raises(ModelScopeError, match=r"indenter\.shape: 'flat_punch'"):
         solved_press(DOME.with_(**{"indenter.shape": "flat_punch", "operating.max_depth_mm": 1.0}))
-    with pytest.raises(ModelScopeError, match=r"the nearest wall is 0\.48 tip radii from the press axis"):
+    with pytest.raises(ModelScopeError, match=r"0\.48 tip"):
         solved_press(DISC, at_mm=(1.5, 27.5))
-    with pytest.raises(InputError, match="must lie in the pad"):
+    with pytest.raises(InputError, match="lie in"):
         solved_press(DISC, at_mm=(1.0, 1.0))
     thin = DOME.with_(**{"indenter.tip_radius_mm": 4.4, "operating.max_depth_mm": 3.0})
-    with pytest.raises(ModelScopeError, match=r"cavity\.clear_thickness_mm: clear and black layer are 9 mm"):
+    with pytest.raises(ModelScopeError, match=r"cavity\.clear_thickness_mm.*are 9 mm"):
         solved_press(thin)

@@ -160,7 +160,7 @@ def test_tings_solution_is_met_in_the_press_and_missed_by_the_stated_amount_in_r
 
 
 def test_times_out_of_order_are_refused() -> None:
-    with pytest.raises(InputError, match="sort the samples by time"):
+    with pytest.raises(InputError, match="sort the samples"):
         viscoelastic_load_n(np.array([0.0, 2.0, 1.0]), np.zeros(3), SOLID)
     with pytest.raises(InputError, match="one time per load"):
         viscoelastic_load_n(np.array([0.0, 2.0]), np.zeros(3), SOLID)

@@ -6,7 +6,6 @@ import pytest
 from design.errors import InputError
 from design.preset import preset
 from design.recordings import SetEntry
-from design.shape.outline import rectangle
 from sims.learning.inference.prediction import Prediction
 from sims.learning.tables import (
     JudgedPresses,
@@ -204,26 +203,3 @@ def test_the_published_table_is_that_of_the_papers_pad_alone():
     assert table.right(0.6, is_ambient=False) == 0.90
     assert table.right(0.7, is_ambient=True) is None
     assert published_touch(preset("oblong-60x40")) is None
-
-
-def test_pictures_are_drawn_for_presses_that_are_all_lost_or_all_found():
-    from sims.plots.accuracy import plot_arrows, plot_depths, plot_errors, plot_touch, shown_places_mm
-    from sims.plots.style import plain_style
-
-    space = rectangle((6.0, 6.0, 26.0, 26.0))
-    presses = MadeUp().presses()
-    with plain_style():
-        for is_found in (presses.is_found, ~presses.is_found):
-            shown = JudgedPresses(
-                press_mm=presses.press_mm,
-                said_mm=presses.said_mm,
-                is_found=is_found,
-                place_number=presses.place_number,
-                session_number=presses.session_number,
-            )
-            arrows = plot_arrows(shown, (0.2, 1.0), space)
-            assert len(arrows.axes) == 2
-            assert len(plot_depths(shown, shown_places_mm(space)).axes) == 3
-        figure = plot_errors({"one": error_rows(presses)}, {1.0: (0.02, 0.01)})
-        assert [ax.get_yscale() for ax in figure.axes] == ["log", "log"]
-        assert plot_touch({"one": touch_rows(presses)}, published_touch(preset("piacenza2017-pad"))).axes

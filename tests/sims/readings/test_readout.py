@@ -54,9 +54,7 @@ def test_ohms_set_the_gain_whatever_the_light() -> None:
 
 def test_a_dark_receiver_has_no_gain_of_its_own() -> None:
     dark = FLUX * np.array([1.0, 0.0, 1.0])
-    with pytest.raises(
-        ModelScopeError, match=r"gain\.target_counts: the median pair of R2 receives 0\.0e\+00"
-    ):
+    with pytest.raises(ModelScopeError, match=r"gain\.target_counts.*R2 receives.*0\.0e\+00"):
         readout_of(PAIR, dark, ALL)
 
 

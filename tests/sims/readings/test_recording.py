@@ -13,6 +13,7 @@ from sims.learning import recorded_press as laying
 from sims.learning.recorded_press import recorded_press
 from sims.press import depth_schedule_mm
 from sims.readings.recording import read_recording
+from tests.said import pattern
 from tests.sims.made_up_scores import made_up_pair
 
 PAIR = preset("piacenza2017-pair")
@@ -79,7 +80,7 @@ def test_readings_apart_by_a_hundredth_are_told_so(simulated, tmp_path):
     found = recorded_press(PAIR, read_recording(csv_of(tmp_path, {"depth_mm": DEPTH_MM, "signal": signal})))
     assert found.pairs[0].worst == pytest.approx(0.01, abs=1e-6)
     assert any("names no design" in note for note in found.notes)
-    assert any("has no location of the press" in note for note in found.notes)
+    assert any("no location" in note for note in found.notes)
 
 
 def test_only_the_press_is_compared_and_the_retraction_is_kept(simulated, tmp_path):
@@ -117,7 +118,7 @@ def test_a_csv_of_this_design_is_taken_by_any_form_of_its_digest(simulated, tmp_
 @pytest.mark.parametrize("said", ["abc", "<64 digits>", "0c3a4f5"])
 def test_a_csv_with_no_digest_for_a_digest_is_refused(tmp_path, said):
     file = csv_of(tmp_path, {"depth_mm": DEPTH_MM, "E2-R2": ratio_at(DEPTH_MM)}, f"# design_digest: {said}\n")
-    with pytest.raises(InputError, match="is no digest of a design"):
+    with pytest.raises(InputError, match="no digest"):
         read_recording(file)
 
 
@@ -158,9 +159,7 @@ def test_several_places_need_one_that_is_named(simulated, tmp_path):
         "E2-R2": 900 * ratio_at(twice),
     }
     recording = read_recording(csv_of(tmp_path, columns))
-    with pytest.raises(
-        InputError, match=r"2 locations, one is shown at a time; name it with --at X,Y, as --at 10,10"
-    ):
+    with pytest.raises(InputError, match=r"2 locations.*--at X,Y.*--at 10,10"):
         recorded_press(PAIR, recording)
     assert len(recorded_press(PAIR, recording, at_mm=(12.0, 10.0)).pairs[0].ratio) == len(DEPTH_MM)
     with pytest.raises(InputError, match="0 readings at"):
@@ -170,30 +169,21 @@ def test_several_places_need_one_that_is_named(simulated, tmp_path):
 @pytest.mark.parametrize(
     ("columns", "words"),
     [
-        (
-            {"depth_mm": [0.0, 1.0, np.nan], "signal": [1.0, 2.0, 3.0]},
-            "row 4: depth_mm is 'nan', needs a finite number",
-        ),
-        (
-            {"depth_mm": [0.0, 1.0], "signal": [np.nan, np.nan]},
-            "row 2: signal is 'nan', needs a finite number",
-        ),
-        (
-            {"depth": [0.0, 1.0], "signal": [1.0, 2.0]},
-            "its columns are depth, signal; needs CSV with depth_mm",
-        ),
-        ({"depth_mm": [0.0, 1.0], "light": [1.0, 2.0]}, "needs CSV with depth_mm .* and a column a pair"),
+        ({"depth_mm": [0.0, 1.0, np.nan], "signal": [1.0, 2.0, 3.0]}, "4: depth_mm is 'nan'"),
+        ({"depth_mm": [0.0, 1.0], "signal": [np.nan, np.nan]}, "2: signal ... 'nan', needs"),
+        ({"depth": [0.0, 1.0], "signal": [1.0, 2.0]}, "CSV with ... depth_mm"),
+        ({"depth_mm": [0.0, 1.0], "light": [1.0, 2.0]}, "CSV with ... depth_mm"),
         ({"depth_mm": [], "signal": []}, "0 rows below the heading"),
     ],
 )
 def test_a_csv_with_gaps_or_missing_columns_is_refused(tmp_path, columns, words):
-    with pytest.raises(InputError, match=words):
+    with pytest.raises(InputError, match=pattern(words)):
         read_recording(csv_of(tmp_path, columns))
 
 
 def test_a_csv_with_words_for_numbers_is_refused(tmp_path):
     (tmp_path / "press.csv").write_text("depth_mm,signal\n0,5\n1,high\n", encoding="utf-8")
-    with pytest.raises(InputError, match="row 3: signal is 'high', needs a finite number"):
+    with pytest.raises(InputError, match=r"3: signal.*'high'"):
         read_recording(tmp_path / "press.csv")
 
 
@@ -205,7 +195,7 @@ def test_a_netcdf_without_a_part_is_refused_by_its_name(tmp_path, name):
 
 def test_a_file_that_is_no_netcdf_is_refused(tmp_path):
     (tmp_path / "press.nc").write_bytes(b"no\x00")
-    with pytest.raises(InputError, match="binary data of an unknown kind; needs a recording: netCDF"):
+    with pytest.raises(InputError, match="netCDF"):
         read_recording(tmp_path / "press.nc")
 
 
@@ -265,7 +255,7 @@ def test_a_gap_in_a_table_is_refused_with_its_place(tmp_path, fill):
     signal = 800.0 * ratio_at(DEPTH_MM)
     signal[7] = fill
     file = csv_of(tmp_path, {"depth_mm": DEPTH_MM, "E2-R2": signal})
-    with pytest.raises(InputError, match=r"E2-R2: 1 of .* values are .* the first at time index 7"):
+    with pytest.raises(InputError, match=r"E2-R2: 1.*index 7"):
         read_recording(file)
 
 

@@ -225,7 +225,7 @@ def test_a_design_that_breaks_a_rule_is_refused(call) -> None:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"operating.max_depth_mm": 0.2}, "less than a deadband's least length"),
+        ({"operating.max_depth_mm": 0.2}, "deadband's least length"),
         ({CLEAR: 7.0, "operating.max_depth_mm": 6.0, "receivers.height_mm": 4.0, "emitters.height_mm": 4.0}, "mm"),
     ],
 )  # fmt: skip

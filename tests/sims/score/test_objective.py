@@ -32,7 +32,7 @@ def traced(monkeypatch):
 
 def test_a_design_that_breaks_a_rule_costs_no_light(traced):
     judged = judge(PAIR.with_(**{"receivers.height_mm": 9.5}), (), wanted=("evenness",))
-    assert judged.reason.startswith("breaks a rule: receivers.height_mm: the centre of the sensitive area")
+    assert "receivers.height_mm" in judged.reason
     assert traced == []
 
 
@@ -102,7 +102,7 @@ def test_a_further_place_of_a_pad_is_judged_with_the_maps(monkeypatch):
 
 
 def test_a_cost_without_prices_is_refused_by_name():
-    with pytest.raises(DesignError, match="the catalogue has no price for osram-sfh206k, sunled-xscwd23mb"):
+    with pytest.raises(DesignError, match="osram-sfh206k, sunled-xscwd23mb"):
         judge(PAIR, (), wanted=("cost",))
 
 

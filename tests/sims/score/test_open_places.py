@@ -103,7 +103,7 @@ def test_finer_light_is_traced_in_two_halves_while_places_stay_open(monkeypatch)
     still, _, _ = judged(monkeypatch, 3, 6e-3, 6e-3, 6e-3)
     assert still.is_open
     (words,) = margin_caution(still)
-    assert "the verdict is undecided at (" in words
+    assert "verdict is undecided" in words
 
 
 @pytest.mark.slow

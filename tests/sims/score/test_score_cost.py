@@ -13,31 +13,6 @@ from sims.score.judge import MANY_PAIRS, SETTINGS
 from sims.score.scoring import score, score_cost
 
 
-def test_a_run_costs_more_than_a_score_and_says_so() -> None:
-    dome = preset("fingertip-dome")
-    score, run = (score_cost(dome, fine=False, full=False, is_run=is_run) for is_run in (False, True))
-    assert run.core_s > score.core_s
-    assert run.sentence(2).startswith("run: about")
-    assert score.sentence(2).startswith("score: about")
-
-
-def test_a_dome_costs_more_than_a_disc_with_more_pairs() -> None:
-    dome, disc = (
-        score_cost(preset(name), fine=False, full=False) for name in ("fingertip-dome", "levi2013-disc")
-    )
-    assert dome.pairs < disc.pairs
-    assert dome.core_s > 1.5 * disc.core_s
-
-
-@pytest.mark.parametrize("name", ["piacenza2017-pad", "crowned-40x25"])
-def test_the_time_is_that_of_the_stages_together(name: str) -> None:
-    cost = score_cost(preset(name), fine=False, full=False)
-    assert cost.core_s == pytest.approx(sum(cost.stages_s.values()))
-    assert {"map", "bounds", "builds"} <= set(cost.stages_s)
-    assert all(seconds > 0.0 for stage, seconds in cost.stages_s.items() if stage != "contact")
-    assert cost.stages_s["contact"] == 0.0
-
-
 def test_a_press_that_the_library_does_not_have_costs_minutes() -> None:
     punch = preset("gripper-teensy").with_(**{"indenter.shape": "flat_punch", "operating.max_depth_mm": 0.9})
     assert score_cost(punch, fine=False, full=False).stages_s["contact"] > 300.0

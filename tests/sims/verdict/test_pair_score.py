@@ -19,6 +19,7 @@ from sims.verdict.depth_curve import (
     widened_threshold,
 )
 from sims.verdict.pair_score import score_pair, total_length_mm
+from tests.said import says
 
 PROPERTY = settings(max_examples=50, deadline=None, derandomize=True)
 DEPTH_MM = np.linspace(0.0, 5.0, 101)
@@ -198,7 +199,7 @@ def test_a_fine_trace_draws_no_warning_and_a_coarse_one_names_value_limit_and_wa
     assert trace_noise_warning(0.5) is None
     warning = trace_noise_warning(0.8)
     assert "0.8 sigma" in warning
-    assert warning.endswith("run with --fine (it can pass for signal; limit 0.5 sigma)")
+    assert says(warning, "--fine ... 0.5 sigma")
     assert "even with --fine" in trace_noise_warning(0.8, fine=True)
 
 
@@ -253,7 +254,7 @@ def test_an_exact_trace_has_no_further_possible_deadbands():
 @pytest.mark.parametrize("name", ["gain_counts_per_flux", "full_scale_counts"])
 def test_a_board_without_gain_or_range_is_refused(name):
     board = {"gain_counts_per_flux": 1e5, "full_scale_counts": 1023.0, name: 0.0}
-    with pytest.raises(InputError, match=f"{name}: 0.0, needs a finite number over 0"):
+    with pytest.raises(InputError, match=rf"{name}: 0.0.*over 0"):
         score_pair(DEPTH_MM, *light(1.0, 3.0), **board)
 
 

@@ -7,21 +7,12 @@ from dataclasses import asdict
 
 import pytest
 
-from tests.validation.learning import learning_speed
 from tests.validation.learning.learning_speed import Outcome, in_a_process, kept_outcomes
 
 
 @pytest.mark.full
 def test_a_small_fit_takes_little_memory():
     assert 0.05 < in_a_process(1_000).memory_gb < 2.0  # Python and its libraries alone take 0.1
-
-
-def test_the_page_has_every_fit_and_no_hole():
-    made = Outcome(wall_s=12.3, processor_s=20.0, memory_gb=1.25)
-    page = learning_speed.page_text(dict.fromkeys(learning_speed.SAMPLES, made))
-    assert "| 10,000 | 12 | 20 | 1.25 |" in page
-    assert "| 24,000 | 12 | 20 | 1.25 |" in page
-    assert "{" not in page
 
 
 def test_finished_fits_are_found_again(tmp_path):

@@ -16,16 +16,13 @@ from sims.readings.press_data import PressCurves
 from sims.readings.protocol import ProtocolCurves, untouched_readout
 from tests.validation.learning.reality_check import (
     DESIGN,
-    headline,
     judged_draws,
-    markdown,
     pooled,
     touch_misses,
 )
 
 pytestmark = pytest.mark.full
 SETTINGS = replace(QUICK, search_samples=400, fit_samples=800)
-BOUND_MM = {1.0: (0.02, 0.01)}
 
 
 def made_up_curves() -> ProtocolCurves:
@@ -75,15 +72,6 @@ def test_an_interrupted_check_trains_nothing_twice(made):
     for key, parts in found.items():
         for one, other in zip(parts, again[key], strict=True):
             np.testing.assert_array_equal(one.said_mm, other.said_mm)
-
-
-def test_the_page_has_both_test_sets_beside_the_paper_and_the_bound(made):
-    found = pooled(made[2])
-    text = markdown(found, {"kernel-ridge": 2}, BOUND_MM)
-    assert "share classified correctly, ambient / dark" in text
-    assert "| 0.6 | 0.76 / 0.90 | " in text  # the paper's row, ambient / dark
-    assert "| 1 | 0.020 | 0.010 |" in text
-    assert len(headline(found)) == 1
 
 
 def test_a_row_that_is_off_is_named_with_both_numbers(made):

@@ -5,7 +5,7 @@ import pytest
 
 from tests.bench.measures.benchmark_states import benchmark_scene, different_walls
 from tests.validation.light import crossing_light
-from tests.validation.light.crossing_light import MARKS, PAGE, cells, kept, measured, only_emitter
+from tests.validation.light.crossing_light import cells, kept, measured, only_emitter
 
 
 @pytest.fixture
@@ -48,8 +48,3 @@ def test_one_emitter_of_the_scene_is_the_same_emitter():
     one = only_emitter(scene, 5)
     assert np.array_equal(one.emitter_patch, scene.emitter_patch[5:6])
     assert different_walls(one).tolist() == different_walls(scene)[5:6].tolist()
-
-
-def test_the_page_has_a_place_for_the_tables():
-    text = PAGE.read_text(encoding="utf-8")
-    assert [text.count(mark) for mark in MARKS] == [1, 1]

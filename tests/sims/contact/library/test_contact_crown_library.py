@@ -210,21 +210,13 @@ def test_pads_outside_the_solved_walls_are_moved_in(library: Library) -> None:
     [
         ((3.0, 5.0, -0.1), InputError, r"crown: -0\.1 must be 0 \(flat\) or more"),
         ((3.0, 5.0, float("nan")), InputError, "crown: nan must be 0"),
-        (
-            (6.0, 3.0, 0.26),
-            ModelScopeError,
-            r"radius of 3\.846 tip radii, and the library has 4 or more; take a",
-        ),
+        ((6.0, 3.0, 0.26), ModelScopeError, r"3\.846.*4 or"),
         ((2.1, 4.0, 0.05), ModelScopeError, r"layer: 2\.100 tip radii.* 2\.125 to 6; take a thicker layer"),
         ((6.5, 4.0, 0.05), ModelScopeError, r"layer: 6\.500 tip radii.* 2\.125 to 6; take a thinner layer"),
-        (
-            (6.0, 5.0, 0.17),
-            ModelScopeError,
-            r"5\.000 tip radii lies at 0\.850 .* 0\.8 at most; take a larger",
-        ),
+        ((6.0, 5.0, 0.17), ModelScopeError, r"5\.000.*0\.850.*0\.8 at"),
         ((6.0, 9.0, 0.09), ModelScopeError, r"9\.000 tip radii lies at 0\.810"),
         ((6.0, 3.0, 0.22), ModelScopeError, r"3\.761 tip radii lies at 0\.827 .* a smaller tip"),
-        ((2.2, 5.0, 0.15), ModelScopeError, r"left at the rim.* take a larger crown radius"),
+        ((2.2, 5.0, 0.15), ModelScopeError, "larger crown radius"),
     ],
 )
 def test_crowns_that_are_not_covered_are_refused(

@@ -73,14 +73,12 @@ def test_a_crown_that_is_no_convex_top_is_refused(crown: float) -> None:
 
 
 def test_a_crown_that_ends_before_the_wall_is_refused() -> None:
-    with pytest.raises(ModelScopeError, match=r"sphere of 3\.333 tip radii ends before the wall at 3\.667"):
+    with pytest.raises(ModelScopeError, match=r"3\.333.*3\.667"):
         radial_mesh(3.0, WALL, 0.15, 0.3)
 
 
 def test_a_crown_that_leaves_too_little_at_the_rim_is_refused() -> None:
-    with pytest.raises(
-        ModelScopeError, match=r"crown: 0\.220 tip radii are left at the rim, 0\.300 are needed"
-    ):
+    with pytest.raises(ModelScopeError, match=r"0\.220.*0\.300"):
         radial_mesh(2.0, WALL, 0.15, CROWN)
     least = float(crown_drop(np.array(WALL), CROWN)) / (1.0 - LEAST_RIM_SHARE)
     require_rim(least + 1e-9, WALL, CROWN)

@@ -122,11 +122,11 @@ def test_what_is_not_traced_is_refused_in_words() -> None:
 
 def test_a_press_beside_the_pad_or_on_too_steep_a_crown_is_refused() -> None:
     press, steep = crown_press(1.0, 12.5), disc_scene(6, 12.5, height_mm=10.0)
-    with pytest.raises(InputError, match="state 0: press at \\(1, 1\\) mm is outside the pad"):
+    with pytest.raises(InputError, match=r"state 0.*\(1, 1\) mm"):
         trace_scene(disc_scene(6, 40.0), np.array([[1.0, 1.0]]), [crown_press(1.0, 40.0)])
-    with pytest.raises(ModelScopeError, match="seen along the press the pad reaches"):
+    with pytest.raises(ModelScopeError, match="along the press"):
         trace_scene(steep, np.array([[15.0, 12.0]]), [press])
-    with pytest.raises(ModelScopeError, match="seen along the press the pad reaches"):
+    with pytest.raises(ModelScopeError, match="along the press"):
         trace_oracle(steep, np.array([[15.0, 12.0]]), [press], rays=10)
     with pytest.raises(ModelScopeError, match="mm to the wall"):
         trace_scene(disc_scene(6, 40.0), np.array([[23.0, 12.0]]), [crown_press(2.5, 40.0)])

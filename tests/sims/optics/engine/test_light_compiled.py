@@ -127,27 +127,6 @@ def test_what_is_called_between_pieces_ends_the_work_by_an_error(threads):
     assert len(done) == ended
 
 
-def test_the_inner_call_counts_and_the_outer_one_comes_back(threads):
-    told = []
-    with between_pieces(lambda: told.append("outer")):
-        run_each(lambda number: None, 1)
-        with between_pieces(lambda: told.append("inner")):
-            run_each(lambda number: None, 2)
-        with pytest.raises(ValueError, match="out"), between_pieces(lambda: told.append("inner")):
-            raise ValueError("out")
-        run_each(lambda number: None, 1)
-    assert told == ["outer", "inner", "inner", "outer"]
-
-
-def test_work_in_another_thread_is_left_alone():
-    told = []
-    with between_pieces(lambda: told.append(1)):
-        other = threading.Thread(target=run_each, args=(lambda number: None, 4))
-        other.start()
-        other.join()
-    assert told == []
-
-
 def test_work_done_between_two_pieces_leaves_both_results_as_they_are(threads):
     outer, inner, begun = np.zeros(6), np.zeros(3), []
 

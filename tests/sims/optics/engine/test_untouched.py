@@ -31,14 +31,6 @@ def test_seeds_and_settings_of_equal_rays_share_one_solution(monkeypatch):
     assert not np.array_equal(pads[0].shifts, pads[1].shifts)
 
 
-def test_a_full_store_lets_the_oldest_go():
-    store = {}
-    for number in range(untouched.REMEMBERED_PADS + 3):
-        untouched._remembered(store, str(number), lambda number=number: number)
-    assert list(store.values()) == list(range(3, untouched.REMEMBERED_PADS + 3))
-    assert untouched._remembered(store, "5", lambda: -1) == 5
-
-
 @pytest.mark.slow
 def test_scattered_light_does_not_hang_on_the_size_of_patches(monkeypatch):
     """All pairs between different walls together, of their scattered light; patches of 1 mm were 0.2 to 0.3 % off."""

@@ -191,9 +191,7 @@ def test_a_shank_in_the_pad_is_met_where_it_is_without_a_field_to_a_thirtieth_of
 
 def test_a_curve_that_folds_is_refused_by_name():
     press = wrapped_press()
-    with pytest.raises(
-        ModelScopeError, match=r"indentations\[3\]\[1\]: the curve has several heights at one"
-    ):
+    with pytest.raises(ModelScopeError, match=r"indentations\[3\]\[1\]"):
         flat_top((FIRST, dimple(1.0)), (SECOND, press), where="indentations[3]")
 
 

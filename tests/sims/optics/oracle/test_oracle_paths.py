@@ -8,6 +8,7 @@ import pytest
 from design.errors import InputError
 from sims.optics.oracle.paths import LOST, LightWalker, sample_paths
 from sims.optics.oracle.tracer import CLASSES
+from tests.said import pattern
 from tests.sims.optics.oracle.called_oracle_kernels import is_in_elastomer
 from tests.sims.optics.oracle.oracle_scenes import dimple, flat_top, ring_scene, wrapped_press
 
@@ -74,13 +75,13 @@ def test_paths_are_the_same_for_the_same_seed():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"emitter": 8}, "emitter: 8 does not exist; the scene has 8"),
+        ({"emitter": 8}, "8 does ... has 8"),
         ({"receiver": -1}, "receiver: -1 does not exist"),
         ({"seed": -1}, "seed: -1"),
     ],
 )
 def test_a_bad_request_is_refused_by_name(change, message):
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(InputError, match=pattern(message)):
         sample_paths(ring_scene(), CENTRE, None, **({"emitter": 0, "count": 1} | change))
 
 

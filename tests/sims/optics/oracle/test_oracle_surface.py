@@ -10,6 +10,7 @@ from scipy.optimize import brentq
 from design.errors import InputError
 from sims.optics.oracle.surface import CONTACT, FREE, NOTHING
 from sims.press import Indentation
+from tests.said import says
 from tests.sims.optics.oracle.called_oracle_kernels import is_in_elastomer, top_exit
 from tests.sims.optics.oracle.oracle_scenes import (
     dimple,
@@ -169,7 +170,7 @@ def changed(**fields) -> Indentation:
         (changed(contact_radius_mm=-1.0), "contact_radius_mm -1 must be >= 0"),
         (changed(contact_radius_mm=50.0), "contact_radius_mm 50"),
         (changed(tip_radius_mm=2.0), "off the tip"),
-        (changed(depth_mm=9.0), "reaches 9 mm down in a clear layer of 8 mm"),
+        (changed(depth_mm=9.0), "9 mm down ... of 8 mm"),
         (
             changed(radius_mm=np.array([0, 1, 5, 4.0]), height_mm=np.array([-1, -0.5, 0, 0.0])),
             "inside its largest 5 mm",
@@ -179,4 +180,4 @@ def changed(**fields) -> Indentation:
 def test_a_bad_profile_is_refused_by_name(press, message):
     with pytest.raises(InputError, match=r"indentations\[2\]") as caught:
         flat_top((CENTRE, press), where="indentations[2]")
-    assert message in str(caught.value)
+    assert says(str(caught.value), message)
