@@ -86,8 +86,12 @@ def tree_of(path: Path) -> ast.Module:
 
 
 def _resolved(name: str) -> Place | None:
-    """The module that a dotted name means, or lies in; None outside the house."""
+    """The module that a dotted name means, or lies in; None outside the house.
+
+    ``optopad.design`` and its neighbours are links to the folders at the top level.
+    """
     parts = tuple(name.split("."))
+    parts = parts[1:] if parts[0] == "optopad" and parts[1:2] and parts[1] in HOUSE else parts
     while parts:
         for place in (parts, (*parts, "__init__")):
             if place in modules():
