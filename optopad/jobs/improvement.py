@@ -30,11 +30,11 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from design.errors import DesignError, InputError, ModelScopeError
-from design.fields.base import get_at, known_paths, leaves, set_at
+from design.errors import InputError, ModelScopeError
+from design.fields.base import get_at, known_paths, set_at
 from design.io import dump_design, load_design, write_text_atomically
 from design.progress import OnStep, silent
-from design.rules.check import check, require_valid
+from design.rules.check import require_valid
 from design.search.explore import Findings, OnTried
 from design.search.improve import (
     AIMS,
@@ -63,6 +63,7 @@ from design.shape.cavity import cavity_of, is_facing_rows, mask_of, plan_of
 from design.spec import SensorDesign
 from design.spec.cheap_fields import CLEAR, HEIGHTS, TARGET
 from optopad.jobs.exploration import search
+from optopad.jobs.smallest_mold import least_rim, smallest_mold
 from optopad.report.search import search_page
 from optopad.results.improvement import Alternative, Improvement, Nearest
 from optopad.results.score import Score
@@ -79,7 +80,6 @@ from sims.verdict.depth_curve import DEADBAND_THRESHOLD
 Light = tuple[tuple[str, Value], ...]
 BOUND_AIMS, SIZE_AIMS = ("location", "contact"), ("size", "flush")
 """Aims whose figure is a bound, and those whose figure follows from the mold."""
-OUTER = ("mold.outer_length_mm", "mold.outer_width_mm", "mold.outer_diameter_mm")
 PAD_MINUTES, ROW_MINUTES = 3.0, 2.0
 """Default time budgets to improve a pad, and facing rows of parts [min on two cores]."""
 CORES = 2
@@ -772,38 +772,3 @@ class Confirmation:
 
 def _worth(one: Tried) -> tuple[bool, float, float, float]:
     return worth(one.judged)
-
-
-def least_rim(design: SensorDesign) -> dict[str, float]:
-    """The lowest rim of the mold that no rule refuses and no body stands above; empty if the rim is that low."""
-    above_mm = bodies_above_surface_mm(design)
-    low = min(math.ceil(round(10.0 * max(above_mm, 0.0), 6)) / 10.0, design.mold.rim_mm)
-    return _lowered(design, "mold.rim_mm", low, 0.1)
-
-
-def smallest_mold(design: SensorDesign) -> dict[str, float]:
-    """The smallest outer size and rim of the mold that no rule refuses or warns of; empty if it is that small."""
-    changes, own = least_rim(design), dict(leaves(design.model_dump(mode="json")))
-    for path in OUTER:
-        if own.get(path) is not None:
-            changes |= _lowered(design.with_(**changes), path, 0.0, 0.5)
-    return changes
-
-
-def _lowered(design: SensorDesign, path: str, low: float, step: float) -> dict[str, float]:
-    """The lowest value of a field, in steps above `low`, with which no rule finds more than before."""
-    value = float(get_at(design.model_dump(mode="json"), path))
-    usual = len(check(design))
-
-    def is_good(steps: int) -> bool:
-        try:
-            return len(check(design.with_(**{path: round(low + steps * step, 4)}))) <= usual
-        except DesignError:
-            return False
-
-    bad, good = -1, math.floor((value - low) / step + 1e-9)
-    while good - bad > 1:
-        middle = (good + bad) // 2
-        bad, good = (bad, middle) if is_good(middle) else (middle, good)
-    found = round(low + good * step, 4)
-    return {path: found} if found < value - 1e-9 and is_good(good) else {}

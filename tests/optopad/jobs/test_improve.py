@@ -20,6 +20,7 @@ from design.preset import preset, preset_text
 from design.rules.check import check
 from optopad.cli.main import main
 from optopad.cli.search import INTERRUPTED
+from optopad.jobs.smallest_mold import smallest_mold
 from optopad.screen.verdict import LINES
 from tests.design.search.test_improvement_space import judge
 from tests.optopad.screen.test_one_screen import cause
@@ -300,6 +301,6 @@ def test_what_it_cannot_do_is_said(design_file, capsys, options, words):
 def test_the_smallest_mold_of_any_outline_has_no_more_findings():
     for name in ("piacenza2017-pad", "levi2013-disc"):
         design = preset(name)
-        changes = improvement.smallest_mold(design)
+        changes = smallest_mold(design)
         assert changes
         assert len(check(design.with_(**changes))) <= len(check(design))
