@@ -11,7 +11,7 @@ PYTHON ?=
 CANDIDATES = $(if $(PYTHON),$(PYTHON),python3.13 python3.12 python3.11 python3)
 SUITABLE := import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))
 # what runs on a robot's computer, with Python 3.10 as well
-ALONE := fabrication.driver fabrication.stage sims.learning.inference
+ALONE := optopad.fabrication.driver optopad.fabrication.stage optopad.sims.learning.inference
 DEMO := piacenza2017-pad
 # Files of tests side by side; 1 for one after another.
 WORKERS ?= 2
@@ -156,7 +156,7 @@ endef
 $(RUNS): pyproject.toml constraints.txt
 	$(environment)
 	$(call install,numba numpy platformdirs pydantic scipy tomlkit)
-	@PYTHONPATH=. $(BIN)/python -m sims.optics.compiling --alone </dev/null >/dev/null 2>&1 &
+	@PYTHONPATH=. $(BIN)/python -m optopad.sims.optics.compiling --alone </dev/null >/dev/null 2>&1 &
 	$(call install,-e ".[design$(comma)studio]")
 	@touch $@
 

@@ -1,4 +1,4 @@
-"""``python -m cad DESIGN FOLDER`` exports a design's parts as files, in a separate process.
+"""``python -m optopad.cad DESIGN FOLDER`` exports a design's parts as files, in a separate process.
 
 The pipeline runs this command while the physics is computed. The process must be a fresh interpreter, not a fork,
 because the CAD kernel does not survive a fork. It also makes the export independent of the caller's main module.
@@ -9,9 +9,9 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from cad.export import export_parts
-from design.errors import OptopadError
-from design.io import load_design
+from optopad.cad.export import export_parts
+from optopad.design.errors import OptopadError
+from optopad.design.io import load_design
 
 
 def main(design_file: str, folder: str) -> int:

@@ -4,15 +4,16 @@ The checks read the STL file as written, not the CAD solid. They check that
 
 - the file is one closed body with consistent winding (trimesh finds open seams that CAD kernels miss) and a manifold
   (manifold3d)
-- the volumes of file and solid agree with a formula (`cad.volume`)
+- the volumes of file and solid agree with a formula (`optopad.cad.volume`)
 - size and area of overhanging faces are within limits
 - the mold's cavity and the lid's concave face, the dish, agree with the optical model.
 
-Widths of walls and webs are computed from the parameters (`design.mold.webs`, `cad.lid`), not from the mesh. The checks
-do not cover warping or the quality of thin walls on a given printer. Slicing is optional (`with_slices`).
+Widths of walls and webs are computed from the parameters (`optopad.design.mold.webs`, `optopad.cad.lid`), not from the
+mesh. The checks do not cover warping or the quality of thin walls on a given printer. Slicing is optional
+(`with_slices`).
 
 The cavity check traces rays from points inside the cavity to the triangles of the mold. The optical model has flat
-walls, round walls between flat facets, the bottom and the top (`design.shape.cavity`). The ends of the rays are
+walls, round walls between flat facets, the bottom and the top (`optopad.design.shape.cavity`). The ends of the rays are
 compared with these surfaces, except in the openings of sockets and filling holes. For a round wall, the check compares
 the printed point's distance from the wall, because the printed chords are slightly inside the circle.
 
@@ -34,23 +35,23 @@ import manifold3d
 import numpy as np
 import trimesh
 
-from cad.lid import lid_clearances, lid_size, turned_over
-from cad.mesh import CHORD_LIMIT_MM, Mesh, read_stl, unit_normals
-from cad.slicer import EXTRUDED_HIGH, EXTRUDED_LOW, Sliced, require_slicer, sliced
-from cad.slicer import VOLUME_LIMIT as SLICER_VOLUME_LIMIT
-from design.arrays import BoolArray, FloatArray
-from design.fields.quantity import ROUNDING_MM
-from design.mold.lettering import OVERLAP
-from design.mold.outline import MoldOutline, bed_lift_mm, outline_of
-from design.mold.part_numbers import unnumbered
-from design.mold.sockets import Socket
-from design.mold.webs import bodies_above_rim, clearances, pockets_below_clear_layer, tightest
-from design.parts.assumptions import Bed, printer, usual_bed_mm
-from design.parts.catalog import find_mold_material
-from design.shape.cavity import cavity_of, plan_of
-from design.shape.outline import Arc, Line
-from design.spec import SensorDesign
-from design.spec.properties import entries_of
+from optopad.cad.lid import lid_clearances, lid_size, turned_over
+from optopad.cad.mesh import CHORD_LIMIT_MM, Mesh, read_stl, unit_normals
+from optopad.cad.slicer import EXTRUDED_HIGH, EXTRUDED_LOW, Sliced, require_slicer, sliced
+from optopad.cad.slicer import VOLUME_LIMIT as SLICER_VOLUME_LIMIT
+from optopad.design.arrays import BoolArray, FloatArray
+from optopad.design.fields.quantity import ROUNDING_MM
+from optopad.design.mold.lettering import OVERLAP
+from optopad.design.mold.outline import MoldOutline, bed_lift_mm, outline_of
+from optopad.design.mold.part_numbers import unnumbered
+from optopad.design.mold.sockets import Socket
+from optopad.design.mold.webs import bodies_above_rim, clearances, pockets_below_clear_layer, tightest
+from optopad.design.parts.assumptions import Bed, printer, usual_bed_mm
+from optopad.design.parts.catalog import find_mold_material
+from optopad.design.shape.cavity import cavity_of, plan_of
+from optopad.design.shape.outline import Arc, Line
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.properties import entries_of
 
 Floats = FloatArray
 

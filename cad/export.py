@@ -1,8 +1,8 @@
 """Exports the printed parts: STL, STEP and 3MF of the mold, STL of the other parts, and the report `checks.json`.
 
 In every file the print bed is at z = 0. The mold and its pieces have the x and y of the cavity's coordinate system
-(`design.shape.cavity`). The lid is turned over, and each tool has its own coordinate system (see its module). Equal
-designs give equal bytes, because STEP is written without time and counters.
+(`optopad.design.shape.cavity`). The lid is turned over, and each tool has its own coordinate system (see its module).
+Equal designs give equal bytes, because STEP is written without time and counters.
 
 A folder receives either all new files or none, because they are written to a temporary folder and then moved. If the
 folder contains a tool or piece from an earlier export that the current design does not have, it is removed.
@@ -19,21 +19,21 @@ from pathlib import Path
 
 import cadquery as cq
 
-from cad.checks import Checks, PartFile, check_parts, with_slices
-from cad.indenter_tip import indenter_tip, indenter_tip_volume_mm3
-from cad.leveling_blade import blade_size, leveling_blade
-from cad.lid import lid, lid_size, turned_over
-from cad.mesh import CHORD_MM, Mesh, mesh_of, stl_bytes, threemf_bytes
-from cad.mold import build_mold, part_mold
-from cad.pour_gauge import gauge_size, pour_gauge
-from cad.solder_jig import jig_size, solder_jig
-from cad.volume import base_volume_mm3, lid_volume_mm3, mold_volume_mm3
-from design.file_sets import written_together
-from design.files import temporary_folder
-from design.mold.outline import bed_lift_mm, outline_of
-from design.parts.assumptions import Bed
-from design.shape.cavity import plan_of
-from design.spec import SensorDesign
+from optopad.cad.checks import Checks, PartFile, check_parts, with_slices
+from optopad.cad.indenter_tip import indenter_tip, indenter_tip_volume_mm3
+from optopad.cad.leveling_blade import blade_size, leveling_blade
+from optopad.cad.lid import lid, lid_size, turned_over
+from optopad.cad.mesh import CHORD_MM, Mesh, mesh_of, stl_bytes, threemf_bytes
+from optopad.cad.mold import build_mold, part_mold
+from optopad.cad.pour_gauge import gauge_size, pour_gauge
+from optopad.cad.solder_jig import jig_size, solder_jig
+from optopad.cad.volume import base_volume_mm3, lid_volume_mm3, mold_volume_mm3
+from optopad.design.file_sets import written_together
+from optopad.design.files import temporary_folder
+from optopad.design.mold.outline import bed_lift_mm, outline_of
+from optopad.design.parts.assumptions import Bed
+from optopad.design.shape.cavity import plan_of
+from optopad.design.spec import SensorDesign
 
 FILES = (
     "mold.stl",

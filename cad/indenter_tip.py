@@ -1,7 +1,7 @@
 r"""The indenter's tip as a printed part: the tip of the design on a cylindrical shank, for a collet or chuck.
 
          ___
-       /     \     ^ outline (`design.spec.indenter`): hemisphere, flat punch, cone or profile
+       /     \     ^ outline (`optopad.design.spec.indenter`): hemisphere, flat punch, cone or profile
       |-------|    v
       |       |    shank of tip_radius_mm: silicone wraps it in deep presses
       |       |
@@ -9,7 +9,7 @@ r"""The indenter's tip as a printed part: the tip of the design on a cylindrical
       <  2 R  >
 
 A tip printed upright has layer steps: sand it, or use it as a template for a tip made on a lathe. At the apex, the CAD
-kernel makes one degenerate triangle, which `cad.mesh` removes.
+kernel makes one degenerate triangle, which `optopad.cad.mesh` removes.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ import math
 
 import cadquery as cq
 
-from design.spec import SensorDesign
-from design.spec.indenter import tip_outline, tip_volume_mm3
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.indenter import tip_outline, tip_volume_mm3
 
 SHANK_MM = 20.0
 """Length of the shank for the chuck, in addition to the length for the deepest press."""

@@ -13,8 +13,8 @@ Its shoulders rest on the rim and its tongue extends down into the cavity. It is
 
 The blade spans the shorter side of the cavity and is drawn along the longer one. In a round cavity it spans the
 diameter between opposite facets and is turned about the middle. Optical parts whose bodies extend above the rim get in
-its way (`design.mold.webs.bodies_above_rim`). There is no blade for a crowned pad, because its mold is filled upside
-down and the black layer is poured last.
+its way (`optopad.design.mold.webs.bodies_above_rim`). There is no blade for a crowned pad, because its mold is filled
+upside down and the black layer is poured last.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from dataclasses import dataclass
 
 import cadquery as cq
 
-from design.mold.filling import is_cast_under_lid
-from design.shape.cavity import cavity_of, plan_of
-from design.spec import SensorDesign
+from optopad.design.mold.filling import is_cast_under_lid
+from optopad.design.shape.cavity import cavity_of, plan_of
+from optopad.design.spec import SensorDesign
 
 PLAY_MM = 0.3
 """Gap between each end of the tongue and the cavity's wall, because prints may be too large by up to this length."""

@@ -27,13 +27,13 @@ from typing import cast
 import cadquery as cq
 import numpy as np
 
-from cad.mesh import Mesh
-from cad.mold import BEYOND_MM, cut_solid, outer_prism
-from design.mold.outline import MoldOutline, outline_of
-from design.mold.sockets import Cut, Hole, WallFrame
-from design.mold.webs import Clearance
-from design.shape.cavity import Plan, facet
-from design.spec import SensorDesign
+from optopad.cad.mesh import Mesh
+from optopad.cad.mold import BEYOND_MM, cut_solid, outer_prism
+from optopad.design.mold.outline import MoldOutline, outline_of
+from optopad.design.mold.sockets import Cut, Hole, WallFrame
+from optopad.design.mold.webs import Clearance
+from optopad.design.shape.cavity import Plan, facet
+from optopad.design.spec import SensorDesign
 
 PLAY_MM = 0.15
 """Width of the gap around the plug at the rim, and around the pins in their holes."""

@@ -30,7 +30,7 @@ import manifold3d
 import numpy as np
 from numpy.typing import NDArray
 
-from design.arrays import FloatArray, IntArray
+from optopad.design.arrays import FloatArray, IntArray
 
 if TYPE_CHECKING:
     import cadquery as cq

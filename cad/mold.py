@@ -16,9 +16,9 @@ View from above (L-shaped marks: sockets open to the cavity and upward), and cro
 
 The pour lip is a bevel at the cavity's upper edge. If the rim is no higher than the lip, the lip starts at the
 silicone's undisturbed top, so that the user pours to that line. In a design with a glass cover, a seat at that height
-replaces the lip. Names of the optical parts are engraved in the outer faces (`design.mold.part_numbers`), and a label
-in the underside (`design.mold.label`). Bodies taller than the rim have collars (`design.mold.sockets`). The mold may be
-divided at the cavity's floor.
+replaces the lip. Names of the optical parts are engraved in the outer faces (`optopad.design.mold.part_numbers`), and a
+label in the underside (`optopad.design.mold.label`). Bodies taller than the rim have collars
+(`optopad.design.mold.sockets`). The mold may be divided at the cavity's floor.
 
 A mold with round walls follows the cavity's outline. A round wall has a flat facet for each optical part. Sockets are
 perpendicular to their facets, and wire slots, lead channels and names end in the round outer face:
@@ -29,9 +29,9 @@ perpendicular to their facets, and wire slots, lead channels and names end in th
       |   /            \   |
      _|__/              \__|_
 
-The mold of a crowned pad has no lip, because a lid (`cad.lid`) shapes the top, and silicone enters through holes in the
-floor. All dimensions come from `design.mold.outline`. The solid is in the cavity's coordinate system
-(`design.shape.cavity`); `cad.export` lifts it onto the print bed.
+The mold of a crowned pad has no lip, because a lid (`optopad.cad.lid`) shapes the top, and silicone enters through
+holes in the floor. All dimensions come from `optopad.design.mold.outline`. The solid is in the cavity's coordinate
+system (`optopad.design.shape.cavity`); `optopad.cad.export` lifts it onto the print bed.
 """
 
 from __future__ import annotations
@@ -44,14 +44,14 @@ from typing import cast
 
 import cadquery as cq
 
-from design.mold import part_numbers
-from design.mold.lettering import Loop, Shape, shapes_of
-from design.mold.outline import MoldOutline, outline_of
-from design.mold.part_numbers import PartNumber
-from design.mold.sockets import Box, Cut, Hole, Socket, WallFrame
-from design.rules.check import require_valid
-from design.shape.outline import Line, Outline
-from design.spec import SensorDesign
+from optopad.design.mold import part_numbers
+from optopad.design.mold.lettering import Loop, Shape, shapes_of
+from optopad.design.mold.outline import MoldOutline, outline_of
+from optopad.design.mold.part_numbers import PartNumber
+from optopad.design.mold.sockets import Box, Cut, Hole, Socket, WallFrame
+from optopad.design.rules.check import require_valid
+from optopad.design.shape.outline import Line, Outline
+from optopad.design.spec import SensorDesign
 
 BEYOND_MM = 1.0
 """Length by which cutting solids extend beyond the faces that they cut, so that no two faces coincide there."""

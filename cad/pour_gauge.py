@@ -21,9 +21,9 @@ from dataclasses import dataclass
 
 import cadquery as cq
 
-from design.mold.filling import is_cast_under_lid
-from design.shape.cavity import plan_of
-from design.spec import SensorDesign
+from optopad.design.mold.filling import is_cast_under_lid
+from optopad.design.shape.cavity import plan_of
+from optopad.design.spec import SensorDesign
 
 GRIP_MM = 8.0
 """Height of the bar above the teeth."""

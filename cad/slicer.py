@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 
-from design.errors import InputError
-from design.files import temporary_folder
-from design.parts.assumptions import Bed
+from optopad.design.errors import InputError
+from optopad.design.files import temporary_folder
+from optopad.design.parts.assumptions import Bed
 
 COMMANDS = ("prusa-slicer", "PrusaSlicer", "prusa-slicer-console")
 USUAL_FILL = 0.2
@@ -108,7 +108,7 @@ def _gcode(program: str, part: Path, fill: float, density: float, bed_mm: Bed) -
     """Slice a part with the infill fraction `fill`; return the end of its G-code, and the slicer's output."""
     target, settings = part.with_suffix(".gcode"), part.with_suffix(".ini")
     x, y, z = bed_mm
-    usual = (files("cad") / "data" / "slicer.ini").read_text(encoding="utf-8")
+    usual = (files("optopad.cad") / "data" / "slicer.ini").read_text(encoding="utf-8")
     settings.write_text(
         f"{usual}fill_density = {fill:.0%}\nfilament_density = {density:g}\n"
         f"bed_shape = 0x0,{x:g}x0,{x:g}x{y:g},0x{y:g}\nmax_print_height = {z:g}\n",

@@ -7,8 +7,8 @@ volume
 
     b * integral of (c - t)+ dt = b / 2 * ((c - t0)+^2 - (c - t1)+^2)
 
-This is exact if every cut is within its wall's inner length and its floor is below the lip; `design.mold.webs` ensures
-both. For a cavity of length L and width W, the lip itself is a frustum with mitred corners:
+This is exact if every cut is within its wall's inner length and its floor is below the lip; `optopad.design.mold.webs`
+ensures both. For a cavity of length L and width W, the lip itself is a frustum with mitred corners:
 
     integral over 0..c of (L + 2s)(W + 2s) - L W ds = (L + W) c^2 + 4/3 c^3
 
@@ -20,13 +20,13 @@ the outer radius, and b the distance along the facet from its middle. The outer 
 behind the facet. The area of a cut up to a depth t is the integral of min(T, t) over b. The integrand is t where
 |b| < sqrt(R^2 - (d + t)^2), and T elsewhere; the integral of T is part of the area of a circle.
 
-The lid (`cad.lid`) is its flange, pins and plug, minus notches and the part of the crown above the seat. This part is a
-spherical cap for a dome and nothing for a cylinder. The plug is integrated over horizontal cross-sections, which the
-draft makes smaller with depth. The crown, of radius C, covers the middle of a cross-section up to the half width
-C sin(q), where C (1 - cos(q)) is the distance below the crown's highest point. The remaining area has a closed form for
-a circular or rectangular plug under a dome or cylinder. Gauss' rule integrates it with q as the variable, in pieces
-between the depths at which the crown's edge meets a side or a corner of the plug. The relative error is 1e-9 with 48
-nodes.
+The lid (`optopad.cad.lid`) is its flange, pins and plug, minus notches and the part of the crown above the seat. This
+part is a spherical cap for a dome and nothing for a cylinder. The plug is integrated over horizontal cross-sections,
+which the draft makes smaller with depth. The crown, of radius C, covers the middle of a cross-section up to the half
+width C sin(q), where C (1 - cos(q)) is the distance below the crown's highest point. The remaining area has a closed
+form for a circular or rectangular plug under a dome or cylinder. Gauss' rule integrates it with q as the variable, in
+pieces between the depths at which the crown's edge meets a side or a corner of the plug. The relative error is 1e-9
+with 48 nodes.
 """
 
 from __future__ import annotations
@@ -39,13 +39,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from design.mold.outline import MoldOutline, outline_of
-from design.mold.sockets import Collar, Cut, Hole, WallFrame
-from design.shape.top import Top
-from design.spec import SensorDesign
+from optopad.design.mold.outline import MoldOutline, outline_of
+from optopad.design.mold.sockets import Collar, Cut, Hole, WallFrame
+from optopad.design.shape.top import Top
+from optopad.design.spec import SensorDesign
 
 if TYPE_CHECKING:
-    from cad.lid import Plug
+    from optopad.cad.lid import Plug
 
 NODES = 48
 """Number of nodes of Gauss' rule in each piece of the integral over the depth of a plug."""
@@ -191,7 +191,9 @@ def _hole_mm3(hole: Hole) -> float:
 
 def lid_volume_mm3(design: SensorDesign) -> float:
     """Volume of the printed lid [mm3]; 0 for a flat top."""
-    from cad.lid import lid_size  # the CAD kernel takes seconds to load, and a mold's volume does not need it
+    from optopad.cad.lid import (
+        lid_size,  # the CAD kernel takes seconds to load, and a mold's volume does not need it
+    )
 
     outline, size = outline_of(design), lid_size(design)
     if size is None:
@@ -208,7 +210,7 @@ def lid_volume_mm3(design: SensorDesign) -> float:
 
 
 def _pin_mm3(pin: Hole) -> float:
-    from cad.lid import pin_chamfer_mm
+    from optopad.cad.lid import pin_chamfer_mm
 
     chamfer, radius = pin_chamfer_mm(pin), pin.radius
     end = radius - chamfer

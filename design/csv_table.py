@@ -15,8 +15,8 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from design.errors import InputError, OptopadError, shown
-from design.files import read_text
+from optopad.design.errors import InputError, OptopadError, shown
+from optopad.design.files import read_text
 
 DECIMAL_COMMA = "decimal comma? write 8.9, and separate by commas"
 MOST_BYTES = 500_000_000

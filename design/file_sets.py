@@ -8,7 +8,7 @@ the other, never of both. If the process dies on the way, the next reader or wri
     <folder>/.optopad-<random>.ready/new/   a complete generation, on its way into the folder
     <folder>/.optopad-<random>.ready/old/   the former one, on its way out
 
-A process locks its hidden folder, so another one can tell whether it is alive (`design.files.is_abandoned`).
+A process locks its hidden folder, so another one can tell whether it is alive (`optopad.design.files.is_abandoned`).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from design.files import alone_in, is_abandoned, locked, made_folder, unwritable
+from optopad.design.files import alone_in, is_abandoned, locked, made_folder, unwritable
 
 NEW, OLD, STALE = "new", "old", "stale"
 PREFIX = ".optopad-"

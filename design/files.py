@@ -22,7 +22,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
-from design.errors import InputError, OptopadError, OutputError
+from optopad.design.errors import InputError, OptopadError, OutputError
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
 _DEVICES = frozenset(

@@ -17,14 +17,14 @@ from typing import Any
 
 import tomlkit
 
-from design.errors import DesignError, shown
-from design.file_sets import settle
-from design.files import read_text, write_whole
-from design.parts import catalog
-from design.parts.spectrum import CURVE_FILE, CURVES, with_curve
-from design.spec import SCHEMA_VERSION, SensorDesign
-from design.spec.indenter import read_profile
-from design.toml_text import explained, parsed_toml
+from optopad.design.errors import DesignError, shown
+from optopad.design.file_sets import settle
+from optopad.design.files import read_text, write_whole
+from optopad.design.parts import catalog
+from optopad.design.parts.spectrum import CURVE_FILE, CURVES, with_curve
+from optopad.design.spec import SCHEMA_VERSION, SensorDesign
+from optopad.design.spec.indenter import read_profile
+from optopad.design.toml_text import explained, parsed_toml
 
 MAX_FILE_BYTES = 1_000_000
 NEEDED = (
@@ -104,7 +104,7 @@ def check_version(document: Mapping[str, Any], file: Path) -> None:
 
 
 def write_text_atomically(file: Path, text: str) -> None:
-    """Write UTF-8 text completely or not at all; errors are as in `design.files.whole_file`."""
+    """Write UTF-8 text completely or not at all; errors are as in `optopad.design.files.whole_file`."""
     write_whole(file, text.encode())
 
 

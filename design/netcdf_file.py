@@ -26,8 +26,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from design.errors import InputError
-from design.files import HDF5, NETCDF3, kind_of_file, require_file
+from optopad.design.errors import InputError
+from optopad.design.files import HDF5, NETCDF3, kind_of_file, require_file
 
 if TYPE_CHECKING:
     import h5py

@@ -1,8 +1,8 @@
 """Catalogue entry of an LED or a photodiode from the quantities that its data sheet states.
 
-The sizes come from a table of packages (`design.parts.packages`), radiant power from the intensity on the axis
-(`design.parts.photometry`). The entry has comments with the rules that were used, where the legs leave, and how the
-part fits: heights at which the body ends flush with the clear layer, and the least wall of the housing.
+The sizes come from a table of packages (`optopad.design.parts.packages`), radiant power from the intensity on the axis
+(`optopad.design.parts.photometry`). The entry has comments with the rules that were used, where the legs leave, and how
+the part fits: heights at which the body ends flush with the clear layer, and the least wall of the housing.
 
 The least wall has the depth of the body, the gap around it and one web behind it, with the mold's default values. The
 fixing holes, and other parts of the design, may need more; `optopad check` says so.
@@ -17,20 +17,20 @@ from typing import Any, Literal
 
 from pydantic import ValidationError
 
-from design.errors import InputError
-from design.fields.packaged import data_quantities
-from design.fields.quantity import Quantity
-from design.parts import catalog
-from design.parts.angular import FLAT_FACE_LEAST_DEG
-from design.parts.catalog import Part
-from design.parts.packages import Lens, Package, find_package, half_angle_in_elastomer
-from design.parts.photometry import (
+from optopad.design.errors import InputError
+from optopad.design.fields.packaged import data_quantities
+from optopad.design.fields.quantity import Quantity
+from optopad.design.parts import catalog
+from optopad.design.parts.angular import FLAT_FACE_LEAST_DEG
+from optopad.design.parts.catalog import Part
+from optopad.design.parts.packages import Lens, Package, find_package, half_angle_in_elastomer
+from optopad.design.parts.photometry import (
     Intensity,
     efficacy_lm_per_w,
     radiant_intensity_mw_per_sr,
     radiant_power_mw,
 )
-from design.spec import Mold
+from optopad.design.spec import Mold
 
 WIDTH = 118
 """Longest line of a comment [characters]."""

@@ -8,10 +8,10 @@ import tomllib
 from importlib.resources import files
 from typing import TYPE_CHECKING
 
-from design.errors import InputError
+from optopad.design.errors import InputError
 
 if TYPE_CHECKING:
-    from design.spec import SensorDesign
+    from optopad.design.spec import SensorDesign
 
 FLAT_PRESETS = ("piacenza2017-pad", "piacenza2017-pair", "oblong-60x40", "fingertip-16")
 """Rectangular pads with a flat top."""
@@ -33,12 +33,12 @@ def preset_text(name: str) -> str:
         near = difflib.get_close_matches(name, PRESETS, n=1)
         hint = f"; did you mean {near[0]}?" if near else "."
         raise InputError(f"--preset: {name!r} is no preset{hint} There are: {', '.join(PRESETS)}")
-    return (files("design.presets") / f"{name}.toml").read_text(encoding="utf-8")
+    return (files("optopad.design.presets") / f"{name}.toml").read_text(encoding="utf-8")
 
 
 def preset(name: str) -> SensorDesign:
     """Load a preset as a design; InputError if no preset has this name."""
-    from design.spec import SensorDesign
+    from optopad.design.spec import SensorDesign
 
     return SensorDesign.from_document(tomllib.loads(preset_text(name)), where=name)
 

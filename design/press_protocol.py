@@ -23,17 +23,17 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
-from design.arrays import BoolArray, FloatArray
-from design.errors import DesignError, InputError, ModelScopeError
-from design.fields.base import FileName, Model, nearest
-from design.fields.packaged import data_table, packaged_or_own
-from design.fields.quantity import Quantity, Text
-from design.fields.validation import design_error
-from design.io import read_toml
-from design.recordings import SetEntry
-from design.shape.cavity import workspace_of
-from design.shape.outline import Outline, rectangle
-from design.spec import SensorDesign, canonical_json
+from optopad.design.arrays import BoolArray, FloatArray
+from optopad.design.errors import DesignError, InputError, ModelScopeError
+from optopad.design.fields.base import FileName, Model, nearest
+from optopad.design.fields.packaged import data_table, packaged_or_own
+from optopad.design.fields.quantity import Quantity, Text
+from optopad.design.fields.validation import design_error
+from optopad.design.io import read_toml
+from optopad.design.recordings import SetEntry
+from optopad.design.shape.cavity import workspace_of
+from optopad.design.shape.outline import Outline, rectangle
+from optopad.design.spec import SensorDesign, canonical_json
 
 
 class LoadProtocol(Model):
@@ -321,7 +321,9 @@ def load_protocol_file(where: str | Path) -> PressProtocol:
     ------
     DesignError : the protocol does not exist or has invalid fields; the message lists them with a remedy.
     """
-    file = packaged_or_own(where, "design.protocols", PROTOCOLS, kind="protocol", listed_as="packaged")
+    file = packaged_or_own(
+        where, "optopad.design.protocols", PROTOCOLS, kind="protocol", listed_as="packaged"
+    )
     return protocol_from(read_toml(file), where=str(file))
 
 

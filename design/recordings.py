@@ -16,8 +16,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from design.arrays import IntArray
-from design.errors import InputError
+from optopad.design.arrays import IntArray
+from optopad.design.errors import InputError
 
 OFF = "off"
 """Name of a dark state, in which no emitter is lit."""

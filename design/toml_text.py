@@ -14,7 +14,7 @@ import sys
 from collections.abc import Iterator
 from typing import Any
 
-from design.errors import shown
+from optopad.design.errors import shown
 
 if sys.version_info >= (3, 11):
     import tomllib

@@ -32,7 +32,7 @@ nb_ipywidgets_js: dict[str, dict[str, str]] = {}
 default_role = "code"
 autodoc_typehints = "none"
 autodoc_member_order = "bysource"
-nitpick_ignore_regex = [("py:.*", r"(?!(design|cad|sims|fabrication|optopad)\.).*")]
+nitpick_ignore_regex = [("py:.*", r"(?!optopad\.).*")]
 
 # Furo takes the system's fonts, and its style and scripts lie in the site: nothing comes from elsewhere.
 html_theme = "furo"

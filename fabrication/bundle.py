@@ -31,10 +31,10 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from design.errors import InputError, OutputError
-from design.files import alone_in, locked, unwritable
-from design.io import save_design, write_text_atomically
-from design.spec import SensorDesign
+from optopad.design.errors import InputError, OutputError
+from optopad.design.files import alone_in, locked, unwritable
+from optopad.design.io import save_design, write_text_atomically
+from optopad.design.spec import SensorDesign
 
 MANIFEST = "manifest.json"
 FOLDERS = ("cad", "fabrication", "sims")

@@ -1,7 +1,8 @@
 """Connections of emitters and receivers to pins, which all manufacturing sheets take from this list.
 
-Order, positions and names come from `design.shape.cavity`, pins and channels from `design.circuit.pins`. In state i
-only emitter i is lit; in the last state no emitter is lit. Column j of a state's readings is receiver j.
+Order, positions and names come from `optopad.design.shape.cavity`, pins and channels from
+`optopad.design.circuit.pins`. In state i only emitter i is lit; in the last state no emitter is lit. Column j of a
+state's readings is receiver j.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from design.circuit.pins import (
+from optopad.design.circuit.pins import (
     ReceiverPath,
     assigned_pins,
     board_of,
@@ -20,8 +21,8 @@ from design.circuit.pins import (
     receiver_paths,
     shift_register_of,
 )
-from design.shape.cavity import PlacedPart, cavity_of
-from design.spec import SensorDesign
+from optopad.design.shape.cavity import PlacedPart, cavity_of
+from optopad.design.spec import SensorDesign
 
 EMITTER_POLARITY = "anode to the series resistor, cathode to the transistor's collector"
 SINK_POLARITY = "anode to the supply, cathode to the output of the LED driver"

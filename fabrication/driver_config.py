@@ -1,7 +1,7 @@
 """Makes a design's driver configuration, `driver.toml`.
 
-Every index, pin and position comes from `fabrication.connections`; times and bytes come from `design.circuit.pins`. The
-data classes and the reader are in `fabrication.driver_file`.
+Every index, pin and position comes from `optopad.fabrication.connections`; times and bytes come from
+`optopad.design.circuit.pins`. The data classes and the reader are in `optopad.fabrication.driver_file`.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ from typing import Any
 import tomlkit
 from tomlkit.items import AoT, Table
 
-from design.arrays import FloatArray
-from design.circuit import pins as timing
-from design.circuit.pins import board_of
-from design.circuit.transimpedance import feedbacks_of
-from design.parts.catalog import Board
-from design.recordings import lit_emitters
-from design.shape.cavity import plan_of, workspace_of
-from design.shape.outline import PLAIN
-from design.spec import SensorDesign
-from fabrication.bundle import versions
-from fabrication.connections import Connection, connections_of
-from fabrication.driver_file import (
+from optopad.design.arrays import FloatArray
+from optopad.design.circuit import pins as timing
+from optopad.design.circuit.pins import board_of
+from optopad.design.circuit.transimpedance import feedbacks_of
+from optopad.design.parts.catalog import Board
+from optopad.design.recordings import lit_emitters
+from optopad.design.shape.cavity import plan_of, workspace_of
+from optopad.design.shape.outline import PLAIN
+from optopad.design.spec import SensorDesign
+from optopad.fabrication.bundle import versions
+from optopad.fabrication.connections import Connection, connections_of
+from optopad.fabrication.driver_file import (
     FORMAT_VERSION,
     AmbientRule,
     BoardSetup,
@@ -42,8 +42,8 @@ from fabrication.driver_file import (
     WorkspaceLimits,
     content_sha256,
 )
-from fabrication.record import plain_of
-from fabrication.sketch import firmware_gaps, firmware_settings
+from optopad.fabrication.record import plain_of
+from optopad.fabrication.sketch import firmware_gaps, firmware_settings
 
 HEADING = (
     "Driver configuration of one sensor design; written by optopad, read by the computer at the sensor.",

@@ -16,21 +16,21 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from design.errors import InputError
-from design.files import name_fault, read_text
-from design.toml_text import parsed_toml
-from fabrication.record import RecordError, record_of
+from optopad.design.errors import InputError
+from optopad.design.files import name_fault, read_text
+from optopad.design.toml_text import parsed_toml
+from optopad.fabrication.record import RecordError, record_of
 
 if TYPE_CHECKING:
-    from design.shape.outline import Kind, Outline
+    from optopad.design.shape.outline import Kind, Outline
 
 FORMAT_VERSION = 2
 MOST_BYTES = 1_000_000
 """Largest size of a file that is read [bytes]; the largest configuration is about 30 kB."""
 CHECKSUM = "content_sha256"
 DESIGN_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,62}")
-"""Pattern that a design's name must match, as in `design.fields.base.FileName`, because recordings are named after the
-design."""
+"""Pattern that a design's name must match, as in `optopad.design.fields.base.FileName`, because recordings are named
+after the design."""
 Point = tuple[float, float, float]
 WAY_OUT = "write it again with `optopad driver config DESIGN`"
 
@@ -165,7 +165,8 @@ class FrameLayout:
 
 @dataclass(frozen=True, kw_only=True)
 class TimingBudget:
-    """Duration of a frame, durations of its steps, and the resulting frame rate; computed in `design.circuit.pins`.
+    """Duration of a frame, durations of its steps, and the resulting frame rate; computed in
+    `optopad.design.circuit.pins`.
 
     Attributes
     ----------
@@ -201,7 +202,7 @@ class WorkspaceLimits:
     @property
     def area(self) -> Outline:
         """The region of the press centres, in the cavity's coordinate system."""
-        from design.shape.outline import PLAIN, outline_in
+        from optopad.design.shape.outline import PLAIN, outline_in
 
         box = (self.x0_mm, self.y0_mm, self.x1_mm, self.y1_mm)
         return outline_in(cast("Kind", self.outline or PLAIN), box)
@@ -258,7 +259,7 @@ class GainNote:
 
     Attributes
     ----------
-    rule : how the gain is set, "common", "each" or "ohms"; see `design.spec.Gain`
+    rule : how the gain is set, "common", "each" or "ohms"; see `optopad.design.spec.Gain`
     counts_per_flux : reading of the median receiver if it got all of an emitter's power [counts]; None if not simulated
     receiver_counts_per_flux : the same quantity for each receiver, in the order of columns; None if not simulated
     feedback_ohm, feedback_pf : feedback resistor [ohm] and capacitor [pF] of each receiver's amplifier; None if the

@@ -18,11 +18,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
-from design.errors import DeviceError, InputError
-from design.files import read_bytes, temporary_folder
-from design.parts.board_firmware import ArduinoProgram, BoardFirmware
-from design.spec import SensorDesign
-from fabrication.sketch import MAIN, FirmwareSettings, firmware_settings, sketch_texts, source_text
+from optopad.design.errors import DeviceError, InputError
+from optopad.design.files import read_bytes, temporary_folder
+from optopad.design.parts.board_firmware import ArduinoProgram, BoardFirmware
+from optopad.design.spec import SensorDesign
+from optopad.fabrication.sketch import MAIN, FirmwareSettings, firmware_settings, sketch_texts, source_text
 
 COMPILER, COPIER, SIZER = "avr-gcc", "avr-objcopy", "avr-size"
 OPTIONS = (

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from design.arrays import FloatArray
-from design.circuit.transimpedance import Feedback, feedbacks_of
-from design.shape.cavity import cavity_of, pair_name
-from design.spec import SensorDesign
-from sims.readings.readout import full_scale_counts
+from optopad.design.arrays import FloatArray
+from optopad.design.circuit.transimpedance import Feedback, feedbacks_of
+from optopad.design.shape.cavity import cavity_of, pair_name
+from optopad.design.spec import SensorDesign
+from optopad.sims.readings.readout import full_scale_counts
 
 Floats = FloatArray
 

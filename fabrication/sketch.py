@@ -2,9 +2,9 @@
 
 The folder can be opened in the Arduino IDE. For AVR chips, avr-gcc compiles it together with `main.c`.
 
-`config.h` contains the firmware's settings as C. Pins and inputs are those of `fabrication.connections`, which the
-wiring table and `driver.toml` also use. The board's catalogue entry gives the port and multiplexer setting of a pin,
-or the pin's name in the board's Arduino core.
+`config.h` contains the firmware's settings as C. Pins and inputs are those of `optopad.fabrication.connections`, which
+the wiring table and `driver.toml` also use. The board's catalogue entry gives the port and multiplexer setting of a
+pin, or the pin's name in the board's Arduino core.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 
-from design.circuit.pins import (
+from optopad.design.circuit.pins import (
     US_PER_S,
     adc_bits,
     address_pins,
@@ -30,15 +30,15 @@ from design.circuit.pins import (
     shift_register_of,
     switch_pins,
 )
-from design.errors import DesignError
-from design.io import write_text_atomically
-from design.parts.board_firmware import MUX5, SUPPLY_BITS, ArduinoProgram, BoardFirmware
-from design.parts.catalog import Board
-from design.rules.board import firmware_findings
-from design.rules.check import require_valid
-from design.shape.cavity import cavity_of
-from design.spec import SensorDesign
-from fabrication.connections import connections_of
+from optopad.design.errors import DesignError
+from optopad.design.io import write_text_atomically
+from optopad.design.parts.board_firmware import MUX5, SUPPLY_BITS, ArduinoProgram, BoardFirmware
+from optopad.design.parts.catalog import Board
+from optopad.design.rules.board import firmware_findings
+from optopad.design.rules.check import require_valid
+from optopad.design.shape.cavity import cavity_of
+from optopad.design.spec import SensorDesign
+from optopad.fabrication.connections import connections_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,7 +122,7 @@ class FirmwareSettings:
     frame_interval_us : frame interval at the design's frame rate, rounded up, so that the rate is not exceeded [us]
     digest : digest of the design, 32 bytes
     is_internal : whether the converter's full scale is the internal reference; otherwise it is the supply
-    dark : when dark states occur, ``frame`` or ``each``; see `design.recordings.lit_emitters`
+    dark : when dark states occur, ``frame`` or ``each``; see `optopad.design.recordings.lit_emitters`
     """
 
     design: str
@@ -454,7 +454,7 @@ MAIN = "main.c"
 
 def source_text(name: str) -> str:
     """Text of a source file of the firmware."""
-    return files("fabrication").joinpath("firmware", "source", name).read_text(encoding="utf-8")
+    return files("optopad.fabrication").joinpath("firmware", "source", name).read_text(encoding="utf-8")
 
 
 def sketch_texts(design: SensorDesign) -> dict[str, str]:

@@ -13,17 +13,17 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from design.progress import OnStep, silent
+from optopad.design.progress import OnStep, silent
 
 if TYPE_CHECKING:
-    from design.spec import SensorDesign
-    from fabrication.driver.recording.recorded import Recorded
+    from optopad.design.spec import SensorDesign
+    from optopad.fabrication.driver.recording.recorded import Recorded
     from optopad.results.comparison import Comparison
     from optopad.results.improvement import Improvement
     from optopad.results.prediction import Prediction
     from optopad.results.score import Bundle, Checked, Score
     from optopad.results.sweep import Sweep
-    from sims.learning.inference.touch_model import TouchModel
+    from optopad.sims.learning.inference.touch_model import TouchModel
 
 OUT = "outputs"
 """Default folder of the bundles (designs' output folders), the same as on the command line."""
@@ -31,7 +31,7 @@ OUT = "outputs"
 
 def presets() -> tuple[str, ...]:
     """Names of the packaged designs."""
-    from design.preset import PRESETS
+    from optopad.design.preset import PRESETS
 
     return PRESETS
 
@@ -60,7 +60,7 @@ def load(where: str | PathLike[str], /, **changes: Any) -> SensorDesign:
 
 def save(design: SensorDesign, file: str | PathLike[str]) -> Path:
     """Write a design as TOML; the design loaded from this file has the same digest."""
-    from design.io import save_design
+    from optopad.design.io import save_design
 
     save_design(design, file)
     return Path(file)
@@ -71,7 +71,7 @@ def check(design: SensorDesign) -> Checked:
 
     The findings are those of `optopad check`.
     """
-    from design.rules.check import check as findings_of
+    from optopad.design.rules.check import check as findings_of
     from optopad.results.score import Checked
 
     return Checked(design=design, findings=findings_of(design))
@@ -98,7 +98,7 @@ def score(
     DesignError : the design breaks a rule; `check` lists them.
     """
     from optopad.results.score import Score
-    from sims.score.scoring import score as judge
+    from optopad.sims.score.scoring import score as judge
 
     return Score(design=design, found=judge(design, fine=fine, full=full, seed=seed, on_step=on_step))
 
@@ -262,7 +262,7 @@ def load_model(file: str | PathLike[str]) -> TouchModel:
     ------
     InputError : the file is missing or damaged, or has a version or kind of model that this optopad does not support.
     """
-    from sims.learning.inference.model_file import load_model as read
+    from optopad.sims.learning.inference.model_file import load_model as read
 
     return read(file)
 
@@ -281,15 +281,15 @@ def read_recording(
     InputError : the file is not a recording, or contains no complete frame; topics or times do not clearly belong
         together.
     """
-    from fabrication.driver.recording.export import read_recorded
+    from optopad.fabrication.driver.recording.export import read_recorded
 
     return read_recorded(Path(file), topic=topic, press_topic=press_topic)
 
 
 _DRIVER = {
-    "Observations": "fabrication.driver.observations",
+    "Observations": "optopad.fabrication.driver.observations",
     "Sensor": "optopad.sensor.driver_view",
-    "TouchReader": "fabrication.driver.touch_reader",
+    "TouchReader": "optopad.fabrication.driver.touch_reader",
 }
 """Classes of `import optopad` that are imported when first used, and their modules."""
 

@@ -18,8 +18,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from design.files import folder_fault
-from sims.cache import CACHE_VARIABLE, NO_HOME, cache_folder, kernel_folder
+from optopad.design.files import folder_fault
+from optopad.sims.cache import CACHE_VARIABLE, NO_HOME, cache_folder, kernel_folder
 
 State = Literal["ok", "missing", "warning"]
 

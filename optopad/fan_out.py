@@ -11,9 +11,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-from design.errors import InputError, OptopadError
-from design.search.improve import FanOut, Judged, Limit, Objective
-from design.spec import SensorDesign
+from optopad.design.errors import InputError, OptopadError
+from optopad.design.search.improve import FanOut, Judged, Limit, Objective
+from optopad.design.spec import SensorDesign
 
 CONNECT_TIMEOUT_S = 10
 

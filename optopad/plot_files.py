@@ -7,13 +7,13 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from design.files import write_whole
-from design.io import write_text_atomically
-from design.shape.cavity import cavity_of
-from design.spec import SensorDesign
-from sims.bounds.observability import PadBounds
-from sims.plots.maps import plot_bound_sheet, plot_detection_map
-from sims.plots.style import plain_style, svg_text
+from optopad.design.files import write_whole
+from optopad.design.io import write_text_atomically
+from optopad.design.shape.cavity import cavity_of
+from optopad.design.spec import SensorDesign
+from optopad.sims.bounds.observability import PadBounds
+from optopad.sims.plots.maps import plot_bound_sheet, plot_detection_map
+from optopad.sims.plots.style import plain_style, svg_text
 
 PNG_DPI = 160
 

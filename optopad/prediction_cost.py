@@ -12,9 +12,9 @@ import os
 
 import numpy as np
 
-from design.errors import DesignError, InputError, ModelScopeError
-from design.press_protocol import load_protocol_file
-from design.spec import SensorDesign
+from optopad.design.errors import DesignError, InputError, ModelScopeError
+from optopad.design.press_protocol import load_protocol_file
+from optopad.design.spec import SensorDesign
 
 STEM = "prediction"
 """File name, without suffix, of the results of `optopad predict` in a bundle's ``sims`` folder."""
@@ -30,9 +30,9 @@ def quick_prediction_s(design: SensorDesign) -> float | None:
 
     The estimate assumes that no light is stored. It is None if the protocol's presses do not fit the design.
     """
-    from sims.optics.scene.lower import scene_of
-    from sims.optics.scene.symmetry import state_classes
-    from sims.readings.press_data import knots_mm
+    from optopad.sims.optics.scene.lower import scene_of
+    from optopad.sims.optics.scene.symmetry import state_classes
+    from optopad.sims.readings.press_data import knots_mm
 
     try:
         protocol = load_protocol_file(QUICK_PROTOCOL).fitted_to(design)

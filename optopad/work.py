@@ -25,14 +25,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 from weakref import WeakSet
 
-import design
-import sims
-from design.errors import InputError
-from design.files import temporary_folder, unwritable
-from design.toml_text import parsed_toml
+from optopad import design, sims
+from optopad.design.errors import InputError
+from optopad.design.files import temporary_folder, unwritable
+from optopad.design.toml_text import parsed_toml
 
 if TYPE_CHECKING:
-    from design.spec import SensorDesign
+    from optopad.design.spec import SensorDesign
 
 _STARTED: WeakSet[subprocess.Popen[str]] = WeakSet()
 
@@ -48,7 +47,7 @@ def started(
 
     Parameters
     ----------
-    arguments : arguments of the interpreter, for example ``["-m", "cad", ...]``
+    arguments : arguments of the interpreter, for example ``["-m", "optopad.cad", ...]``
     stdin, stdout, stderr : redirections, passed to `subprocess.Popen`
     """
     # -P: a user's own design.py or cad.py in the current folder must not replace ours
@@ -95,9 +94,9 @@ def read_design(where: str, changes: list[str] | None) -> SensorDesign:
     ------
     DesignError, InputError : the file or a change is invalid.
     """
-    from design.fields.base import nearest
-    from design.io import load_design
-    from design.preset import PRESETS, preset
+    from optopad.design.fields.base import nearest
+    from optopad.design.io import load_design
+    from optopad.design.preset import PRESETS, preset
 
     path = Path(where)
     if not path.exists() and where in PRESETS:
@@ -211,8 +210,8 @@ def _read(path: Path) -> dict[str, Any]:
 
 def is_recording(file: Path) -> bool:
     """Whether a path is a recording of the driver, or a ROS 2 bag (file or folder, but no bundle), by its names."""
-    from fabrication.driver.recording.bag import is_bag
-    from fabrication.driver.recording.raw import SUFFIX
+    from optopad.fabrication.driver.recording.bag import is_bag
+    from optopad.fabrication.driver.recording.raw import SUFFIX
 
     is_bundle = (file / "manifest.json").is_file()
     return file.suffix.lower() == SUFFIX or (is_bag(file) and not is_bundle)
@@ -238,7 +237,7 @@ def as_netcdf(file: Path, topic: str | None = None, press_topic: str | None = No
             raise InputError(f"{option}: {file} is not a bag or MCAP file; leave it out")
         yield file
         return
-    from fabrication.driver.recording.export import read_recorded, write_netcdf
+    from optopad.fabrication.driver.recording.export import read_recorded, write_netcdf
 
     with temporary_folder() as folder:
         made = Path(folder) / f"{file.stem or 'bag'}.nc"

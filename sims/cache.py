@@ -31,7 +31,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 
-from design.errors import InputError
+from optopad.design.errors import InputError
 
 CACHE_VARIABLE = "OPTOPAD_CACHE"
 """Environment variable that names the cache folder."""

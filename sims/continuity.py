@@ -1,5 +1,5 @@
-"""Alias of `sims.score` under its former name, for one release."""
+"""Alias of `optopad.sims.score` under its former name, for one release."""
 
-from sims.score import ContinuityScore, score
+from optopad.sims.score import ContinuityScore, score
 
 __all__ = ["ContinuityScore", "score"]

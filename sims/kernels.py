@@ -2,9 +2,9 @@
 """Compiled kernels on disk: one folder per version of the sources, outside the checkout and the installation.
 
 Numba stores compiled code next to the sources, where a new clone does not find it. Here it is stored in the cache
-folder (`sims.cache.kernel_folder`), in a subfolder named by a hash of the code. Any checkout with the same code reads
-it, and changed code never uses an old cache. Numba itself checks its own version and the processor. If two processes
-need the same kernel, one compiles it and the other waits.
+folder (`optopad.sims.cache.kernel_folder`), in a subfolder named by a hash of the code. Any checkout with the same code
+reads it, and changed code never uses an old cache. Numba itself checks its own version and the processor. If two
+processes need the same kernel, one compiles it and the other waits.
 
 Some parts of numba used here are not a public interface: `FunctionCache`, its locators, and the attribute ``_cache``.
 """
@@ -26,9 +26,9 @@ from typing import Any, TypeVar
 from numba import njit
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
 
-from design.files import folder_fault
-from sims.cache import kernel_folder, source_fingerprint
-from sims.compiling import is_there, tell_of
+from optopad.design.files import folder_fault
+from optopad.sims.cache import kernel_folder, source_fingerprint
+from optopad.sims.compiling import is_there, tell_of
 
 Function = TypeVar("Function", bound=Callable[..., object])
 KEPT_FOLDERS = 24

@@ -19,7 +19,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from design.arrays import FloatArray, IntArray
+from optopad.design.arrays import FloatArray, IntArray
 
 NEAR_CONTACT_MM = (0.0, 0.02, 0.05, 0.1, 0.15)
 """First depths of the fine schedule [mm]; chosen in the study of depth steps."""

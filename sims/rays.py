@@ -5,11 +5,11 @@ are drawn alike into kinds of light. A class that is not in the table is drawn a
 are those of the signal plots (Okabe and Ito 2008), and pale versions of them for a dark background. Dashes and marks
 differ too, so that nothing depends on colour alone.
 
-Paths are random walks of the ray tracer (`sims.optics.oracle.paths`). Powers are integrals of the light model
-(`sims.optics.tracing`), because a few dozen paths are too few to compute them. Powers are those of the whole pressed
-surface. Paths are drawn on the axisymmetric surface around the press axis, without the effect of walls, which is a few
-tenths of a millimetre near them. Both models classify light alike, except at the border between `top` and `skirt`,
-which are one kind here.
+Paths are random walks of the ray tracer (`optopad.sims.optics.oracle.paths`). Powers are integrals of the light model
+(`optopad.sims.optics.tracing`), because a few dozen paths are too few to compute them. Powers are those of the whole
+pressed surface. Paths are drawn on the axisymmetric surface around the press axis, without the effect of walls, which
+is a few tenths of a millimetre near them. Both models classify light alike, except at the border between `top` and
+`skirt`, which are one kind here.
 
 Within a kind, a path is drawn with a probability proportional to its power. The number of paths drawn of a kind is at
 least a few and grows with the square root of its power. So weak kinds are visible, and strong ones do not hide them. To
@@ -25,15 +25,15 @@ from typing import Literal
 
 import numpy as np
 
-from design.arrays import FloatArray
-from design.spec import SensorDesign
-from sims.optics.engine.trace_states import Accuracy
-from sims.optics.light_signals import LightSignals
-from sims.optics.oracle.paths import LOST as NO_RECEIVER
-from sims.optics.oracle.paths import LightPath, LightWalker
-from sims.optics.scene.lower import scene_of
-from sims.optics.tracing import trace
-from sims.press import Indentation
+from optopad.design.arrays import FloatArray
+from optopad.design.spec import SensorDesign
+from optopad.sims.optics.engine.trace_states import Accuracy
+from optopad.sims.optics.light_signals import LightSignals
+from optopad.sims.optics.oracle.paths import LOST as NO_RECEIVER
+from optopad.sims.optics.oracle.paths import LightPath, LightWalker
+from optopad.sims.optics.scene.lower import scene_of
+from optopad.sims.optics.tracing import trace
+from optopad.sims.press import Indentation
 
 Mark = Literal["none", "mirror", "scatter", "end"]
 
@@ -283,7 +283,7 @@ def ray_states(
     ------
     InputError, ModelScopeError : the contact or light model refuses a press.
     """
-    from sims.contact import indent
+    from optopad.sims.contact import indent
 
     rows = [(design.cavity.length_mm / 2, design.cavity.width_mm / 2, 0.0), *presses]
     light = _light(design, choice, rows)

@@ -5,12 +5,13 @@ from __future__ import annotations
 import os
 import shutil
 import signal
+import sys
 from pathlib import Path
 
 import pytest
 from platformdirs import user_cache_path
 
-from sims.cache import CACHE_VARIABLE, folder_fingerprint, kernel_folder
+from optopad.sims.cache import CACHE_VARIABLE, folder_fingerprint, kernel_folder
 from tests.durations import write_durations
 
 KEPT_FOLDERS = 3
@@ -30,6 +31,9 @@ def kept_results() -> Path:
         shutil.rmtree(old, ignore_errors=True)
     return folder
 
+
+for bare in ("design", "cad", "sims", "fabrication"):
+    sys.modules[bare] = None  # type: ignore[assignment]  # in a checkout it would load the modules a second time
 
 # Processes that tests start inherit these. Where light itself is tested, nothing kept is read (`no_kept_light`).
 os.environ.setdefault("NUMBA_CACHE_DIR", str(kernel_folder()))

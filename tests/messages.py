@@ -14,11 +14,11 @@ from contextlib import chdir, redirect_stderr, redirect_stdout
 from dataclasses import replace
 from pathlib import Path
 
-from design.errors import DesignError
-from design.io import load_design
-from design.preset import PRESETS, preset
-from design.rules.check import notes, require_valid
 from optopad.cli.main import main
+from optopad.design.errors import DesignError
+from optopad.design.io import load_design
+from optopad.design.preset import PRESETS, preset
+from optopad.design.rules.check import notes, require_valid
 from optopad.screen.verdict import checks_line, verdict_screen
 from optopad.screen.verdict_sentences import cause_sentence
 from tests.design.bad_designs import BAD_DESIGNS, FILE_NAME, design_text, put

@@ -147,9 +147,11 @@ def run_python(program: str) -> subprocess.CompletedProcess[str]:
 
 @pytest.mark.parametrize("room", ROOMS)
 def test_each_room_is_the_one_of_this_repository(room: str) -> None:
-    module = importlib.import_module(room)
+    name = room if room == "optopad" else f"optopad.{room}"
+    module = importlib.import_module(name)
     assert module.__file__ is not None
-    assert Path(module.__file__) == ROOT / room / "__init__.py"
+    assert Path(module.__file__) == ROOT.joinpath(*name.split("."), "__init__.py")
+    assert Path(module.__file__).resolve() == ROOT / room / "__init__.py"
 
 
 def test_no_room_but_that_of_shapes_asks_what_shape_a_pad_has() -> None:

@@ -33,11 +33,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 
-from design.circuit.pins import adc_bits, amplifier_v, full_scale_v
-from design.parts.catalog import find_amplifier
-from design.parts.electronics import Amplifier
-from design.spec import SensorDesign
-from design.spec.properties import entries_of
+from optopad.design.circuit.pins import adc_bits, amplifier_v, full_scale_v
+from optopad.design.parts.catalog import find_amplifier
+from optopad.design.parts.electronics import Amplifier
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.properties import entries_of
 
 LEAST_SWING = 0.95
 """Least share of full scale that an amplifier's output must reach [-].

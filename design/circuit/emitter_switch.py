@@ -12,7 +12,7 @@
 
 The choice is conservative. The calculation uses the lower end of the forward voltage's band, if there is one, and
 neglects the transistor's own voltage drop. The emitter's current is therefore below its maximum. The supply's tolerance
-and any heating are not included. The receivers' amplifiers are in `design.circuit.transimpedance`.
+and any heating are not included. The receivers' amplifiers are in `optopad.design.circuit.transimpedance`.
 
 The transistor is the smallest of the catalogue that suits: its saturation voltage is stated at the emitter's largest
 current or above, with a base current of a tenth, and it bears the emitters' supply. The design may name another in
@@ -37,15 +37,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from design.circuit.amplifier import Shortfall
-from design.circuit.pins import board_of, converter_of, driver_of, shift_register_of
-from design.fields.quantity import Quantity
-from design.parts.assumptions import assumption, standard_at_least, standard_at_most
-from design.parts.catalog import Board, Part, find_amplifier, find_transistor
-from design.parts.electronics import Transistor
-from design.shape.cavity import cavity_of
-from design.spec import SensorDesign
-from design.spec.properties import entries_of
+from optopad.design.circuit.amplifier import Shortfall
+from optopad.design.circuit.pins import board_of, converter_of, driver_of, shift_register_of
+from optopad.design.fields.quantity import Quantity
+from optopad.design.parts.assumptions import assumption, standard_at_least, standard_at_most
+from optopad.design.parts.catalog import Board, Part, find_amplifier, find_transistor
+from optopad.design.parts.electronics import Transistor
+from optopad.design.shape.cavity import cavity_of
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.properties import entries_of
 
 MA_PER_A = 1e3
 MW_PER_W = 1e3

@@ -30,14 +30,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
-from design.errors import DesignError
-from design.fields.finding import Finding, error
-from design.parts import catalog
-from design.parts.catalog import Board, Chip, Converter, LedDriver, Multiplexer, ShiftRegister
-from design.recordings import lit_emitters
-from design.shape.cavity import cavity_of
-from design.spec import BoardUse, SensorDesign
-from design.spec.properties import entries_of
+from optopad.design.errors import DesignError
+from optopad.design.fields.finding import Finding, error
+from optopad.design.parts import catalog
+from optopad.design.parts.catalog import Board, Chip, Converter, LedDriver, Multiplexer, ShiftRegister
+from optopad.design.recordings import lit_emitters
+from optopad.design.shape.cavity import cavity_of
+from optopad.design.spec import BoardUse, SensorDesign
+from optopad.design.spec.properties import entries_of
 
 Name = TypeVar("Name", int, str)
 SHIFT_PINS = 3

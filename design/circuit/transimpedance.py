@@ -14,8 +14,8 @@ used.
 
 The capacitor CF is the largest standard value with RF CF ln 2^(bits + 1) <= settle time with which an amplifier of the
 catalogue settles in time, so that the noise is least; the amplifier is the slowest one that does
-(`design.circuit.amplifier`). If none does, the fastest one, or the one that the design names, has the CF with which it
-does not ring and settles soonest.
+(`optopad.design.circuit.amplifier`). If none does, the fastest one, or the one that the design names, has the CF with
+which it does not ring and settles soonest.
 The model does not include the dark current (2 nA, millivolts), the LED's fall time, or the stray capacitance of the
 resistor (about 0.2 pF in addition to CF).
 """
@@ -28,7 +28,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from design.circuit.amplifier import (
+from optopad.design.circuit.amplifier import (
     ChosenAmplifier,
     Load,
     chosen_amplifier,
@@ -36,12 +36,12 @@ from design.circuit.amplifier import (
     one_count_pa,
     settles_us,
 )
-from design.circuit.emitter_switch import CurrentSink, current_sink, emitter_switch
-from design.circuit.pins import adc_bits, board_of, converter_of, full_scale_v
-from design.errors import DesignError
-from design.fields.finding import FAILS, Finding, error, warning
-from design.fields.quantity import Quantity, weakest
-from design.parts.assumptions import (
+from optopad.design.circuit.emitter_switch import CurrentSink, current_sink, emitter_switch
+from optopad.design.circuit.pins import adc_bits, board_of, converter_of, full_scale_v
+from optopad.design.errors import DesignError
+from optopad.design.fields.finding import FAILS, Finding, error, warning
+from optopad.design.fields.quantity import Quantity, weakest
+from optopad.design.parts.assumptions import (
     E12,
     assumption,
     ohm_text,
@@ -49,11 +49,11 @@ from design.parts.assumptions import (
     standard_at_most,
     standard_nearest,
 )
-from design.parts.catalog import Board, Part, find_amplifier
-from design.parts.electronics import Amplifier
-from design.shape.cavity import cavity_of
-from design.spec import SensorDesign
-from design.spec.properties import entries_of
+from optopad.design.parts.catalog import Board, Part, find_amplifier
+from optopad.design.parts.electronics import Amplifier
+from optopad.design.shape.cavity import cavity_of
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.properties import entries_of
 
 NEAR_NM = 25.0
 """Largest distance from a responsivity's stated wavelength at which the value is used unchanged.

@@ -1,4 +1,4 @@
 """Elements of every field of a specification: unit, source, range, dotted path and findings; and packaged tables.
 
-The package imports only `design.errors` and other modules directly in `design`.
+The package imports only `optopad.design.errors` and other modules directly in `design`.
 """

@@ -21,9 +21,9 @@ from pydantic import (
     model_serializer,
 )
 
-from design.errors import DesignError
-from design.fields.sheet_names import sheet_name_hint
-from design.files import name_fault
+from optopad.design.errors import DesignError
+from optopad.design.fields.sheet_names import sheet_name_hint
+from optopad.design.files import name_fault
 
 
 @cache

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from design.errors import readable
+from optopad.design.errors import readable
 
 Severity = Literal["error", "warning", "note"]
 OUT_OF_SCOPE, FAILS, USUAL = 3, 2, 1

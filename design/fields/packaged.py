@@ -8,14 +8,14 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from design.errors import DesignError
-from design.fields.base import nearest
-from design.fields.quantity import Quantity
+from optopad.design.errors import DesignError
+from optopad.design.fields.base import nearest
+from optopad.design.fields.quantity import Quantity
 
 
 def data_table(file: str) -> dict[str, Any]:
     """Read a TOML file from the folder `design/data` as a dictionary."""
-    return tomllib.loads((files("design") / "data" / file).read_text(encoding="utf-8"))
+    return tomllib.loads((files("optopad.design") / "data" / file).read_text(encoding="utf-8"))
 
 
 @cache

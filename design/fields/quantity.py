@@ -16,7 +16,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, StringConstraints, model_validator
 
-from design.fields.base import Model
+from optopad.design.fields.base import Model
 
 ROUNDING_MM = 1e-9
 """Rounding error of sums of decimal lengths [mm]; lengths that differ by less count as equal."""

@@ -1,4 +1,4 @@
 """Numeric model of the mold before any CAD solid is made: outline, sockets, webs, filling and lettering.
 
-The package imports only `design.shape` and packages below it.
+The package imports only `optopad.design.shape` and packages below it.
 """

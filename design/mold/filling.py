@@ -1,9 +1,9 @@
 """Filling holes of a crowned pad's mold: silicone enters through the floor, with the mold upside down on its lid.
 
-The lid shapes the crown (`cad.lid`). In this position the floor is highest, so air escapes there and no filling hole
-touches the optical surface. The sprue is the hole that receives the silicone. The clear layer is poured by weight up to
-the level of the black layer. Then the black layer is poured until it rises in the vents. The silicone that remains in
-the holes is black.
+The lid shapes the crown (`optopad.cad.lid`). In this position the floor is highest, so air escapes there and no filling
+hole touches the optical surface. The sprue is the hole that receives the silicone. The clear layer is poured by weight
+up to the level of the black layer. Then the black layer is poured until it rises in the vents. The silicone that
+remains in the holes is black.
 
         sprue                      vents          turned over: floor up
        ___| |_______________________| |___
@@ -20,8 +20,8 @@ from __future__ import annotations
 
 import math
 
-from design.mold.sockets import Hole
-from design.shape.cavity import Plan
+from optopad.design.mold.sockets import Hole
+from optopad.design.shape.cavity import Plan
 
 SPRUE_RADIUS_MM, VENT_RADIUS_MM = 2.0, 1.0
 """Radii of sprue and vents. A syringe's tip fits into the sprue; silicone rises in the vents when the mold is full."""

@@ -22,12 +22,12 @@ from dataclasses import dataclass
 from functools import cache
 from textwrap import wrap
 
-from design.fields.finding import Finding, error, mm
-from design.fields.packaged import data_table
-from design.mold.filling import SPRUE_RADIUS_MM, filling_offsets_mm, is_cast_under_lid
-from design.mold.lettering import OVERLAP, Stroke, area_mm2, strokes_of
-from design.shape.cavity import plan_of
-from design.spec import SensorDesign
+from optopad.design.fields.finding import Finding, error, mm
+from optopad.design.fields.packaged import data_table
+from optopad.design.mold.filling import SPRUE_RADIUS_MM, filling_offsets_mm, is_cast_under_lid
+from optopad.design.mold.lettering import OVERLAP, Stroke, area_mm2, strokes_of
+from optopad.design.shape.cavity import plan_of
+from optopad.design.spec import SensorDesign
 
 DEPTH_MM = 0.6
 """Depth of the strokes: three layers of 0.2 mm, so they are legible even though the first layer is squeezed."""

@@ -1,6 +1,6 @@
 r"""Numeric model of the printed mold, before any solid is made.
 
-Positions are in the cavity's coordinate system (`design.shape.cavity`), and the mold is centred on the cavity.
+Positions are in the cavity's coordinate system (`optopad.design.shape.cavity`), and the mold is centred on the cavity.
 
       top   ____      lip, 45 deg      ____
            |    \                     /    |   rim
@@ -10,10 +10,10 @@ Positions are in the cavity's coordinate system (`design.shape.cavity`), and the
            |_______________________________|   -black - floor
            <wall>
 
-The lip is a bevel of the cavity's upper edge. A lid casts a crowned top (`cad.lid`). The mold of a crowned pad has no
-lip, and its rim is measured from the highest point of the top's edge. It is filled upside down through holes in the
-floor. A mold with round walls follows the cavity's outline, with a flat facet for each optical part. It has neither a
-lip nor collars (walls around tall bodies), and its fixing holes are between parts.
+The lip is a bevel of the cavity's upper edge. A lid casts a crowned top (`optopad.cad.lid`). The mold of a crowned pad
+has no lip, and its rim is measured from the highest point of the top's edge. It is filled upside down through holes in
+the floor. A mold with round walls follows the cavity's outline, with a flat facet for each optical part. It has neither
+a lip nor collars (walls around tall bodies), and its fixing holes are between parts.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from design.mold.filling import filling_holes
-from design.mold.label import MoldLabel, mold_label
-from design.mold.part_numbers import PartNumber, part_numbers
-from design.mold.sockets import Box, Collar, Hole, Socket, WallFrame, by_wall, raised, socket_of
-from design.shape.cavity import CavityGeometry, PlacedPart, Plan, cavity_of
-from design.shape.outline import Outline, Point
-from design.spec import Mold, SensorDesign
+from optopad.design.mold.filling import filling_holes
+from optopad.design.mold.label import MoldLabel, mold_label
+from optopad.design.mold.part_numbers import PartNumber, part_numbers
+from optopad.design.mold.sockets import Box, Collar, Hole, Socket, WallFrame, by_wall, raised, socket_of
+from optopad.design.shape.cavity import CavityGeometry, PlacedPart, Plan, cavity_of
+from optopad.design.shape.outline import Outline, Point
+from optopad.design.spec import Mold, SensorDesign
 
 LIP_MAX_MM = 1.5
 """Widest pour lip: enough to guide the silicone and to show the fill line."""
@@ -136,7 +136,7 @@ class MoldOutline:
 
 
 def outline_of(design: SensorDesign) -> MoldOutline:
-    """Compute the dimensions of a design's mold; `design.mold.webs` checks whether they can be printed."""
+    """Compute the dimensions of a design's mold; `optopad.design.mold.webs` checks whether they can be printed."""
     cavity, mold = cavity_of(design), design.mold
     plan = cavity.plan
     wall_x = (mold.outer_length_mm - plan.length_mm) / 2

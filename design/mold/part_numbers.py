@@ -10,7 +10,7 @@ The space for a name extends halfway to the neighbouring parts, within the inner
 lead channels and above the joint of a parted mold, and below the lowest pocket of the wall. On a round wall every part
 has its own facet. There the space is above all channels and below all pockets of the mold. It also ends where the outer
 face has receded from the facet's plane by half of the name's depth. Names that do not fit are left out and reported
-(`cad.checks`).
+(`optopad.cad.checks`).
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 
-from design.fields.packaged import data_table
-from design.mold.lettering import (
+from optopad.design.fields.packaged import data_table
+from optopad.design.mold.lettering import (
     OVERLAP,
     Point,
     Stroke,
@@ -30,7 +30,7 @@ from design.mold.lettering import (
     strokes_of,
     upper_edges_mm,
 )
-from design.mold.sockets import Hole, Socket, WallFrame
+from optopad.design.mold.sockets import Hole, Socket, WallFrame
 
 DEPTH_MM = 0.5
 """Depth of the strokes: deeper than the layer steps and seams of a print, and shallow enough to bridge."""

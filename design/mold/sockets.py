@@ -15,7 +15,7 @@ measured outward):
 
 Pocket and slots extend down to the body's base less the clearance, so the part is always at its height in the design. A
 base below the clear layer is in the black layer. A pocket may even extend into the floor of the mold, and
-`design.mold.webs` then requires enough floor under it.
+`optopad.design.mold.webs` then requires enough floor under it.
 
 Leads are in a row along the wall, centred on the active area. Radial leads leave the body at half its depth, unless the
 catalogue states their setback. Wires that do not fit separately behind the body leave together through one slot in the
@@ -36,7 +36,7 @@ Collars are walls above the rim that hold taller bodies up to their top.
 
 A web is a wall of the least printable thickness. A collar starts behind the pour lip and leaves a web around its
 pockets on the other three sides. Pocket and slots are open upward through the collar. There is no collar where it would
-meet a fixing hole. The body is then exposed, which `design.mold.webs.bodies_above_rim` reports.
+meet a fixing hole. The body is then exposed, which `optopad.design.mold.webs.bodies_above_rim` reports.
 """
 
 from __future__ import annotations
@@ -45,13 +45,13 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from design.fields.quantity import ROUNDING_MM
-from design.parts.catalog import Part
-from design.shape.cavity import PlacedPart
-from design.shape.outline import Line
-from design.spec import Mold
-from design.spec.fits import clearance_mm, fit
-from design.spec.pad import WALLS
+from optopad.design.fields.quantity import ROUNDING_MM
+from optopad.design.parts.catalog import Part
+from optopad.design.shape.cavity import PlacedPart
+from optopad.design.shape.outline import Line
+from optopad.design.spec import Mold
+from optopad.design.spec.fits import clearance_mm, fit
+from optopad.design.spec.pad import WALLS
 
 NECK_MM = 1.5
 """Length of the neck of a wire slot, if the slot is at least twice as long."""

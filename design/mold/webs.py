@@ -13,8 +13,8 @@ The drawing shows the wall at low y from above:
 
 Distances are horizontal, except the floor under a pocket and the rim over a body. A negative value means that two cuts
 overlap. A wall of material must be at least `mold.min_web_mm` thick. A lead hole only has to be inside its pocket.
-Pockets that are at least a web away from the ends of their wall cannot meet around a corner. `design.rules.mold`
-explains each violated clearance to the user.
+Pockets that are at least a web away from the ends of their wall cannot meet around a corner.
+`optopad.design.rules.mold` explains each violated clearance to the user.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations, pairwise
 
-from design.fields.quantity import ROUNDING_MM
-from design.mold.outline import MoldOutline, outline_of
-from design.mold.sockets import Cut, Hole, Socket, by_wall
-from design.spec import Mold, SensorDesign
-from design.spec.fits import clearance_mm
+from optopad.design.fields.quantity import ROUNDING_MM
+from optopad.design.mold.outline import MoldOutline, outline_of
+from optopad.design.mold.sockets import Cut, Hole, Socket, by_wall
+from optopad.design.spec import Mold, SensorDesign
+from optopad.design.spec.fits import clearance_mm
 
 LEDGE_MM = 0.1
 """Least distance of a lead hole from the edge of its pocket's floor."""

@@ -15,9 +15,9 @@ from typing import Annotated, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from design.arrays import FloatArray
-from design.fields.base import Model
-from design.fields.quantity import (
+from optopad.design.arrays import FloatArray
+from optopad.design.fields.base import Model
+from optopad.design.fields.quantity import (
     Confidence,
     Source,
     Text,

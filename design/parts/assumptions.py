@@ -10,9 +10,9 @@ from __future__ import annotations
 import math
 import re
 
-from design.errors import InputError
-from design.fields.packaged import data_quantities
-from design.fields.quantity import Quantity
+from optopad.design.errors import InputError
+from optopad.design.fields.packaged import data_quantities
+from optopad.design.fields.quantity import Quantity
 
 
 def assumption(name: str) -> Quantity:

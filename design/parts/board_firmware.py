@@ -11,8 +11,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from design.fields.base import Model
-from design.fields.quantity import (
+from optopad.design.fields.base import Model
+from optopad.design.fields.quantity import (
     Confidence,
     Notes,
     Text,

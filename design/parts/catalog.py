@@ -33,10 +33,10 @@ from typing import Annotated, Any, Literal, Self, TypeVar
 from pydantic import Field, ValidationError, model_validator
 from pydantic_core import ErrorDetails
 
-from design.errors import DesignError, shown
-from design.fields.base import Model, PartId
-from design.fields.packaged import data_table
-from design.fields.quantity import (
+from optopad.design.errors import DesignError, shown
+from optopad.design.fields.base import Model, PartId
+from optopad.design.fields.packaged import data_table
+from optopad.design.fields.quantity import (
     CapacitancePf,
     Confidence,
     Cost,
@@ -58,13 +58,13 @@ from design.fields.quantity import (
     VoltageV,
     WavelengthNm,
 )
-from design.fields.sheet_names import sheet_name_hint
-from design.fields.validation import PATTERN_WORDS
-from design.parts.angular import AngularTable
-from design.parts.assumptions import assumption
-from design.parts.board_firmware import ArduinoProgram, BoardFirmware
-from design.parts.circuits import Chip, Converter, LedDriver, Multiplexer, ShiftRegister
-from design.parts.elastomer import (
+from optopad.design.fields.sheet_names import sheet_name_hint
+from optopad.design.fields.validation import PATTERN_WORDS
+from optopad.design.parts.angular import AngularTable
+from optopad.design.parts.assumptions import assumption
+from optopad.design.parts.board_firmware import ArduinoProgram, BoardFirmware
+from optopad.design.parts.circuits import Chip, Converter, LedDriver, Multiplexer, ShiftRegister
+from optopad.design.parts.elastomer import (
     Cure,
     Elastomer,
     IndexFormula,
@@ -73,8 +73,8 @@ from design.parts.elastomer import (
     refractive_index,
     youngs_modulus_mpa,
 )
-from design.parts.electronics import Amplifier, Transistor
-from design.parts.spectrum import Spectrum
+from optopad.design.parts.electronics import Amplifier, Transistor
+from optopad.design.parts.spectrum import Spectrum
 
 __all__ = [
     "PACKAGED_FILES",

@@ -11,8 +11,8 @@ from typing import Annotated, Literal, Protocol, Self
 
 from pydantic import Field, model_validator
 
-from design.fields.base import Model
-from design.fields.quantity import (
+from optopad.design.fields.base import Model
+from optopad.design.fields.quantity import (
     Confidence,
     CurrentMa,
     FrequencyKhz,
@@ -24,7 +24,7 @@ from design.fields.quantity import (
     Title,
     VoltageV,
 )
-from design.recordings import lit_emitters
+from optopad.design.recordings import lit_emitters
 
 HZ_PER_MHZ = 1e6
 SHIFT_EDGE_US = 1.0
@@ -103,7 +103,7 @@ class ShiftRegister(Chip):
 
         Parameters
         ----------
-        dark : ``frame`` or ``each``, as in `design.recordings.lit_emitters`
+        dark : ``frame`` or ``each``, as in `optopad.design.recordings.lit_emitters`
         """
         states, lit, edges = lit_emitters(emitter_count, dark), emitter_count, 0
         for emitter in states:

@@ -20,9 +20,9 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
-from design.errors import DesignError
-from design.fields.base import Model
-from design.fields.quantity import (
+from optopad.design.errors import DesignError
+from optopad.design.fields.base import Model
+from optopad.design.fields.quantity import (
     AbsorptionDbPerCm,
     Confidence,
     DensityGPerCm3,

@@ -1,8 +1,8 @@
 """Amplifiers of the receivers and transistors of the emitters: entries of the catalogue's `electronics.toml`.
 
-An amplifier's entry has the limits that a transimpedance circuit needs; `design.circuit.amplifier` compares them with
-a design. A transistor's entry has the largest collector current at which its data sheet states the saturation voltage
-with a base current of a tenth of it, which is how the base resistors are computed.
+An amplifier's entry has the limits that a transimpedance circuit needs; `optopad.design.circuit.amplifier` compares
+them with a design. A transistor's entry has the largest collector current at which its data sheet states the saturation
+voltage with a base current of a tenth of it, which is how the base resistors are computed.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from design.fields.base import Model
-from design.fields.quantity import (
+from optopad.design.fields.base import Model
+from optopad.design.fields.quantity import (
     BiasCurrentPa,
     Confidence,
     CurrentMa,
@@ -24,7 +24,7 @@ from design.fields.quantity import (
     Text,
     Title,
 )
-from design.parts.circuits import Chip
+from optopad.design.parts.circuits import Chip
 
 
 class Amplifier(Chip):

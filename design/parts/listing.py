@@ -10,11 +10,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from design.errors import InputError
-from design.fields.base import Model, nearest
-from design.fields.quantity import CONFIDENCES, Confidence, Quantity
-from design.parts.catalog import Board, CatalogEntries, Elastomer, MoldMaterial, Part
-from design.parts.electronics import Amplifier
+from optopad.design.errors import InputError
+from optopad.design.fields.base import Model, nearest
+from optopad.design.fields.quantity import CONFIDENCES, Confidence, Quantity
+from optopad.design.parts.catalog import Board, CatalogEntries, Elastomer, MoldMaterial, Part
+from optopad.design.parts.electronics import Amplifier
 
 MOST_FIGURES = 4
 _TITLES = {"elastomers": "silicones", "mold_materials": "plastics"}

@@ -13,9 +13,9 @@ from typing import Annotated
 
 from pydantic import Field
 
-from design.fields.base import Model
-from design.fields.packaged import data_table
-from design.fields.quantity import (
+from optopad.design.fields.base import Model
+from optopad.design.fields.packaged import data_table
+from optopad.design.fields.quantity import (
     Confidence,
     Cost,
     Source,

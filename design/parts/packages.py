@@ -25,10 +25,10 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from design.errors import InputError
-from design.fields.base import Model, nearest
-from design.fields.packaged import data_table
-from design.fields.quantity import HalfAngleDeg, LengthMm, Quantity, Text
+from optopad.design.errors import InputError
+from optopad.design.fields.base import Model, nearest
+from optopad.design.fields.packaged import data_table
+from optopad.design.fields.quantity import HalfAngleDeg, LengthMm, Quantity, Text
 
 LAMBERTIAN_DEG = 60.0
 EPOXY_INDEX = 1.53

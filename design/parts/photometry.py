@@ -29,9 +29,9 @@ from typing import Literal
 
 import numpy as np
 
-from design.errors import InputError
-from design.fields.packaged import data_table
-from design.fields.quantity import Quantity, lambertian_order
+from optopad.design.errors import InputError
+from optopad.design.fields.packaged import data_table
+from optopad.design.fields.quantity import Quantity, lambertian_order
 
 IntensityUnit = Literal["mcd", "mW/sr"]
 MCD_PER_CD = 1000.0

@@ -35,11 +35,11 @@ from typing import Annotated, Any, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from design.arrays import FloatArray
-from design.csv_table import numbered_points
-from design.errors import DesignError
-from design.fields.base import Model
-from design.fields.quantity import (
+from optopad.design.arrays import FloatArray
+from optopad.design.csv_table import numbered_points
+from optopad.design.errors import DesignError
+from optopad.design.fields.base import Model
+from optopad.design.fields.quantity import (
     NM_PER_UM,
     Confidence,
     Quantity,

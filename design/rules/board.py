@@ -15,8 +15,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from design.circuit.amplifier import chosen_amplifier
-from design.circuit.emitter_switch import (
+from optopad.design.circuit.amplifier import chosen_amplifier
+from optopad.design.circuit.emitter_switch import (
     CurrentSink,
     current_sink,
     emitter_switch,
@@ -24,7 +24,7 @@ from design.circuit.emitter_switch import (
     transistor_of,
     transistor_shortfalls,
 )
-from design.circuit.pins import (
+from optopad.design.circuit.pins import (
     MS_PER_S,
     adc_bits,
     address_pins,
@@ -39,12 +39,12 @@ from design.circuit.pins import (
     pin_findings,
     switch_pins,
 )
-from design.circuit.transimpedance import gain_findings, settling_findings
-from design.fields.finding import FAILS, Finding, error, note, warning
-from design.parts.board_firmware import ArduinoProgram, BoardFirmware
-from design.parts.catalog import Board
-from design.shape.cavity import PlacedPart, cavity_of
-from design.spec import SensorDesign
+from optopad.design.circuit.transimpedance import gain_findings, settling_findings
+from optopad.design.fields.finding import FAILS, Finding, error, note, warning
+from optopad.design.parts.board_firmware import ArduinoProgram, BoardFirmware
+from optopad.design.parts.catalog import Board
+from optopad.design.shape.cavity import PlacedPart, cavity_of
+from optopad.design.spec import SensorDesign
 
 FIRMWARE_ADC_BITS = 10
 PORTABLE_ADC_BITS = range(8, 17)

@@ -1,21 +1,21 @@
 """Check of a design that reports all errors and warnings at once, and its notes.
 
-The schema (`design.spec`) checks each field separately. These rules check fields against each other, against the
-catalogue, and against the limits of the printer, the board and the models. Unmeasured values are not findings; the
-report lists them (`design.spec.properties.used_values`).
+The schema (`optopad.design.spec`) checks each field separately. These rules check fields against each other, against
+the catalogue, and against the limits of the printer, the board and the models. Unmeasured values are not findings; the
+report lists them (`optopad.design.spec.properties.used_values`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from design.errors import DesignError, ModelScopeError
-from design.fields.base import leaves
-from design.fields.finding import NO_VERDICT, OUT_OF_SCOPE, Finding, warning
-from design.mold.label import label_findings
-from design.rules.board import board_findings, circuit_findings
-from design.rules.finish import angle_findings, finish_findings
-from design.rules.light import (
+from optopad.design.errors import DesignError, ModelScopeError
+from optopad.design.fields.base import leaves
+from optopad.design.fields.finding import NO_VERDICT, OUT_OF_SCOPE, Finding, warning
+from optopad.design.mold.label import label_findings
+from optopad.design.rules.board import board_findings, circuit_findings
+from optopad.design.rules.finish import angle_findings, finish_findings
+from optopad.design.rules.light import (
     area_findings,
     colour_findings,
     count_findings,
@@ -25,14 +25,14 @@ from design.rules.light import (
     path_findings,
     workspace_findings,
 )
-from design.rules.mold import housing_notes, mold_findings, reach_notes, web_findings
-from design.rules.reference import entry_findings, found_board, part_findings
-from design.rules.shape import is_spanned, shape_findings, span_findings
-from design.shape.cavity import CavityGeometry, cavity_of
-from design.spec import SensorDesign
-from design.spec.layout import MAX_PER_KIND, Placement, expand
-from design.spec.properties import entries_of
-from design.spec.tolerances import tolerance_findings
+from optopad.design.rules.mold import housing_notes, mold_findings, reach_notes, web_findings
+from optopad.design.rules.reference import entry_findings, found_board, part_findings
+from optopad.design.rules.shape import is_spanned, shape_findings, span_findings
+from optopad.design.shape.cavity import CavityGeometry, cavity_of
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.layout import MAX_PER_KIND, Placement, expand
+from optopad.design.spec.properties import entries_of
+from optopad.design.spec.tolerances import tolerance_findings
 
 __all__ = ["Finding", "check", "notes", "require_scope", "require_valid"]
 

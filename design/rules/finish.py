@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from design.errors import DesignError
-from design.fields.finding import Finding, error, warning
-from design.parts.angular import FLAT_FACE_LEAST_DEG
-from design.parts.catalog import Part
-from design.parts.spectrum import CURVES
-from design.shape.cavity import CavityGeometry
-from design.spec import SensorDesign
-from design.spec.properties import entries_of, wall_index
+from optopad.design.errors import DesignError
+from optopad.design.fields.finding import Finding, error, warning
+from optopad.design.parts.angular import FLAT_FACE_LEAST_DEG
+from optopad.design.parts.catalog import Part
+from optopad.design.parts.spectrum import CURVES
+from optopad.design.shape.cavity import CavityGeometry
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.properties import entries_of, wall_index
 
 SHORT_TABLE_DEG = 80.0
 """Angle up to which an angular table should extend; a shorter one causes a warning [deg].

@@ -12,10 +12,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from design.errors import DesignError
-from design.fields.finding import Finding, error, mm, outside_models, warning
-from design.fields.quantity import ROUNDING_MM
-from design.rules.shape import (
+from optopad.design.errors import DesignError
+from optopad.design.fields.finding import Finding, error, mm, outside_models, warning
+from optopad.design.fields.quantity import ROUNDING_MM
+from optopad.design.rules.shape import (
     CROWNED_LAYER_RANGE,
     LARGEST_SHARE_OF_LAYER,
     LAYER_DEPTH_RANGE,
@@ -26,7 +26,7 @@ from design.rules.shape import (
     deepest_of_tip,
     thinnest_elastic_mm,
 )
-from design.shape.cavity import (
+from optopad.design.shape.cavity import (
     CavityGeometry,
     PlacedPart,
     beside_chord,
@@ -36,8 +36,8 @@ from design.shape.cavity import (
     pair_name,
     plan_of,
 )
-from design.spec import SensorDesign, properties
-from design.spec.layout import MAX_PER_KIND, Kind
+from optopad.design.spec import SensorDesign, properties
+from optopad.design.spec.layout import MAX_PER_KIND, Kind
 
 SURROUND_MM = 0.1
 """Offset of additional presses around a location [mm].

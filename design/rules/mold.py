@@ -1,11 +1,11 @@
 """Rules for the mold: printable walls, and its options such as a glass cover's seat, a parted mold, and fits.
 
-Every distance in the mold that is too small (`design.mold.webs`) becomes a finding with a remedy. Distances that the
-same change to the design would correct are combined into one finding, which names the worst location and counts the
-others.
+Every distance in the mold that is too small (`optopad.design.mold.webs`) becomes a finding with a remedy. Distances
+that the same change to the design would correct are combined into one finding, which names the worst location and
+counts the others.
 
 Names of parts that do not fit on the outer face are not reported here but by the checks of printed parts
-(`cad.checks`).
+(`optopad.cad.checks`).
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from design.errors import DesignError
-from design.fields.finding import FAILS, Finding, error, mm, note, warning
-from design.fields.quantity import ROUNDING_MM
-from design.mold.filling import is_cast_under_lid
-from design.mold.outline import MoldOutline, outline_of
-from design.mold.webs import INSET, Clearance, clearances, rim_clearances
-from design.parts.catalog import packaged
-from design.shape.cavity import plan_of
-from design.spec import SensorDesign
-from design.spec.properties import elastomer_of, entries_of
+from optopad.design.errors import DesignError
+from optopad.design.fields.finding import FAILS, Finding, error, mm, note, warning
+from optopad.design.fields.quantity import ROUNDING_MM
+from optopad.design.mold.filling import is_cast_under_lid
+from optopad.design.mold.outline import MoldOutline, outline_of
+from optopad.design.mold.webs import INSET, Clearance, clearances, rim_clearances
+from optopad.design.parts.catalog import packaged
+from optopad.design.shape.cavity import plan_of
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.properties import elastomer_of, entries_of
 
 FLAT_PAIR = ("kingbright-apt2012zgc", "osram-sfh2400")
 """Packaged LED and photodiode that need the thinnest wall, and whose colours suit each other."""

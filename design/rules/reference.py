@@ -8,15 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from design.errors import DesignError
-from design.fields.base import nearest
-from design.fields.finding import Finding, error
-from design.parts import catalog
-from design.parts.catalog import Board, CatalogEntries
-from design.shape.cavity import part_field
-from design.spec import SensorDesign
-from design.spec.layout import Kind, Placement
-from design.spec.properties import entries_of, part_of
+from optopad.design.errors import DesignError
+from optopad.design.fields.base import nearest
+from optopad.design.fields.finding import Finding, error
+from optopad.design.parts import catalog
+from optopad.design.parts.catalog import Board, CatalogEntries
+from optopad.design.shape.cavity import part_field
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.layout import Kind, Placement
+from optopad.design.spec.properties import entries_of, part_of
 
 Named = tuple[str, Callable[[CatalogEntries, str], object], str]
 """Field of a design, function that looks up a name in the catalogue, and the name in this field."""

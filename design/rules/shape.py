@@ -13,20 +13,20 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from design.fields.finding import Finding, error, mm, outside_models
-from design.fields.quantity import ROUNDING_MM
-from design.mold.filling import (
+from optopad.design.fields.finding import Finding, error, mm, outside_models
+from optopad.design.fields.quantity import ROUNDING_MM
+from optopad.design.mold.filling import (
     INSET_MM,
     SPRUE_RADIUS_MM,
     VENT_RADIUS_MM,
     filling_offsets_mm,
     is_cast_under_lid,
 )
-from design.mold.outline import outline_of
-from design.shape.cavity import Plan, cavity_of, part_half_width_mm, plan_of, workspace_of
-from design.spec import SensorDesign
-from design.spec.indenter import tip_outline
-from design.spec.layout import expand
+from optopad.design.mold.outline import outline_of
+from optopad.design.shape.cavity import Plan, cavity_of, part_half_width_mm, plan_of, workspace_of
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.indenter import tip_outline
+from optopad.design.spec.layout import expand
 
 LARGEST_SHARE_OF_LAYER = 0.8
 """Deepest press that the contact model covers, as a share of the layers' total thickness (clear and black) [-]."""

@@ -40,11 +40,11 @@ from optuna.samplers import BaseSampler
 from optuna.storages import RDBStorage
 from optuna.trial import FrozenTrial, TrialState
 
-from design.errors import DesignError, InputError
-from design.search.front import pareto_front
-from design.search.improve import FanOut, Judged, Limit, Objective, Tried, limits_of, one_by_one
-from design.search.space import ROUND_DIGITS, SearchSpace, SpaceField, Value
-from design.spec import SensorDesign
+from optopad.design.errors import DesignError, InputError
+from optopad.design.search.front import pareto_front
+from optopad.design.search.improve import FanOut, Judged, Limit, Objective, Tried, limits_of, one_by_one
+from optopad.design.search.space import ROUND_DIGITS, SearchSpace, SpaceField, Value
+from optopad.design.spec import SensorDesign
 
 DIGEST, SPACE, MAKER, QUEUED = "space_digest", "space", "maker", "queued"
 CONNECT_TIMEOUT_S = 10

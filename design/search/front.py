@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from design.arrays import BoolArray, FloatArray
-from design.search.improve import Tried
-from design.search.space import SearchSpace
+from optopad.design.arrays import BoolArray, FloatArray
+from optopad.design.search.improve import Tried
+from optopad.design.search.space import SearchSpace
 
 
 def not_dominated(losses: FloatArray) -> BoolArray:

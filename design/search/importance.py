@@ -12,8 +12,8 @@ import optuna
 from optuna.importance import PedAnovaImportanceEvaluator
 from optuna.trial import FrozenTrial, TrialState
 
-from design.search.explore import opened_study, trials_in
-from design.search.space import SearchSpace
+from optopad.design.search.explore import opened_study, trials_in
+from optopad.design.search.space import SearchSpace
 
 LEAST_DESIGNS = 20
 """Least number of designs: with fewer, the best tenth means nothing."""

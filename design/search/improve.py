@@ -1,6 +1,7 @@
 """Improvement of a design: the search space around it, comparison of judged designs, and recommendations.
 
-    base design ──► fields that are cheap to change, around their values ──► `design.search.points`, then the sampler
+    base design ──► fields that are cheap to change, around their values ──► `optopad.design.search.points`, then the
+    sampler
         ──► of the designs without a deadband: fewest changes, most robust, most depth, best accuracy
 
 A deadband is a range of depth in which the signals change too little to resolve the depth. Depth can be resolved down
@@ -18,13 +19,13 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from design.errors import DesignError, InputError
-from design.fields.base import get_at, known_paths, nearest, unknown_path
-from design.rules.check import check
-from design.search.figures import FIGURES
-from design.search.space import ROUND_DIGITS, SearchSpace, Value, space_from
-from design.spec import SensorDesign
-from design.spec.cheap_fields import ALONG, CLEAR, HEIGHTS, TARGET, cheap_fields
+from optopad.design.errors import DesignError, InputError
+from optopad.design.fields.base import get_at, known_paths, nearest, unknown_path
+from optopad.design.rules.check import check
+from optopad.design.search.figures import FIGURES
+from optopad.design.search.space import ROUND_DIGITS, SearchSpace, Value, space_from
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.cheap_fields import ALONG, CLEAR, HEIGHTS, TARGET, cheap_fields
 
 LOCATION = "location_bound_mm"
 UNUSABLE = 10.0

@@ -10,10 +10,10 @@ import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 
-from design.fields.base import get_at
-from design.search.improve import Tried, cost_of, is_near, usable_of, worth
-from design.search.space import ROUND_DIGITS, SearchSpace, SpaceField, Value
-from design.spec.cheap_fields import CLEAR, HEIGHTS, TARGET
+from optopad.design.fields.base import get_at
+from optopad.design.search.improve import Tried, cost_of, is_near, usable_of, worth
+from optopad.design.search.space import ROUND_DIGITS, SearchSpace, SpaceField, Value
+from optopad.design.spec.cheap_fields import CLEAR, HEIGHTS, TARGET
 
 FIRST_SHARES = (0.15, 0.3, 0.5, 0.8)
 """Sizes of the first changes of single fields, as shares of the height by which emitters and receivers are too low."""

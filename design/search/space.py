@@ -16,7 +16,7 @@ A file is TOML:
     choices = [2, 3, 4]                   # or whole patterns: path = "layout"
 
     [[objectives]]
-    figure = "evenness"                   # see design.search.figures
+    figure = "evenness"                   # see optopad.design.search.figures
 
     [[constraints]]
     figure = "strength"
@@ -39,15 +39,15 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, ValidationError, model_validator
 
-from design.errors import DesignError, shown
-from design.fields.base import FileName, Model, get_at, known_paths, nearest, set_at, unknown_path
-from design.fields.packaged import packaged_or_own
-from design.fields.validation import design_error
-from design.io import load_design, read_toml
-from design.preset import PRESETS, preset
-from design.search.figures import FIGURES, NO_OBJECTIVE_ALONE, Direction
-from design.spec import SensorDesign, canonical_json
-from design.spec.layout import AlternatingRing, AtAngles, DiscRing, FacingRows, PerSide, Ring, Single
+from optopad.design.errors import DesignError, shown
+from optopad.design.fields.base import FileName, Model, get_at, known_paths, nearest, set_at, unknown_path
+from optopad.design.fields.packaged import packaged_or_own
+from optopad.design.fields.validation import design_error
+from optopad.design.io import load_design, read_toml
+from optopad.design.preset import PRESETS, preset
+from optopad.design.search.figures import FIGURES, NO_OBJECTIVE_ALONE, Direction
+from optopad.design.spec import SensorDesign, canonical_json
+from optopad.design.spec.layout import AlternatingRing, AtAngles, DiscRing, FacingRows, PerSide, Ring, Single
 
 Sampler = Literal["tpe", "nsga2", "gp", "grid", "qmc", "random"]
 Value = bool | int | float | str
@@ -321,7 +321,7 @@ def load_space(path: str | Path) -> SearchSpace:
     DesignError : the file is missing or has invalid fields; the message lists them with a remedy.
     """
     file = packaged_or_own(
-        path, "design.search.spaces", SPACES, kind="search space", listed_as="packaged spaces"
+        path, "optopad.design.search.spaces", SPACES, kind="search space", listed_as="packaged spaces"
     )
     document = read_toml(file)
     base = document.get("base")

@@ -31,15 +31,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from design.arrays import BoolArray, FloatArray
-from design.errors import DesignError
-from design.parts.catalog import Part
-from design.shape.outline import Arc, Line, Outline, Point, outline_in
-from design.shape.top import Top
-from design.spec import SensorDesign
-from design.spec.fits import clearance_mm
-from design.spec.layout import OPPOSITE, Kind, Placement, angle_name, expand
-from design.spec.properties import part_of
+from optopad.design.arrays import BoolArray, FloatArray
+from optopad.design.errors import DesignError
+from optopad.design.parts.catalog import Part
+from optopad.design.shape.outline import Arc, Line, Outline, Point, outline_in
+from optopad.design.shape.top import Top
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.fits import clearance_mm
+from optopad.design.spec.layout import OPPOSITE, Kind, Placement, angle_name, expand
+from optopad.design.spec.properties import part_of
 
 NODES = 32
 """Number of nodes of Gauss' rule along each wall, and from the middle to the wall."""

@@ -28,7 +28,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from design.arrays import BoolArray, FloatArray
+from optopad.design.arrays import BoolArray, FloatArray
 
 Point = tuple[float, float]
 Box = tuple[float, float, float, float]

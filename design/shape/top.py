@@ -21,7 +21,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from design.arrays import FloatArray
+from optopad.design.arrays import FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)

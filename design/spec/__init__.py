@@ -1,11 +1,11 @@
 """The specification of a sensor: all fields in which designs can differ.
 
-The package imports only `design.parts`, `design.fields` and modules directly in `design`.
+The package imports only `optopad.design.parts`, `optopad.design.fields` and modules directly in `design`.
 """
 
-from design.spec.indenter import Indenter
-from design.spec.pad import Cavity, Crown
-from design.spec.sensor import (
+from optopad.design.spec.indenter import Indenter
+from optopad.design.spec.pad import Cavity, Crown
+from optopad.design.spec.sensor import (
     SCHEMA_VERSION,
     BoardUse,
     Elastomer,

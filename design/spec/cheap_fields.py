@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from design.spec.sensor import SensorDesign
+from optopad.design.spec.sensor import SensorDesign
 
 HEIGHTS = ("emitters.height_mm", "receivers.height_mm")
 CLEAR = "cavity.clear_thickness_mm"

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from design.fields.packaged import data_quantities
-from design.fields.quantity import Quantity
-from design.spec import Mold
+from optopad.design.fields.packaged import data_quantities
+from optopad.design.fields.quantity import Quantity
+from optopad.design.spec import Mold
 
 
 def fit(name: str) -> Quantity:

@@ -38,9 +38,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
-from design.csv_table import numbered_points
-from design.errors import DesignError
-from design.fields.base import Model
+from optopad.design.csv_table import numbered_points
+from optopad.design.errors import DesignError
+from optopad.design.fields.base import Model
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -1,9 +1,9 @@
 """Layout of emitters and receivers: patterns, and the positions of the parts that they describe.
 
 In a round wall a part's position is its direction from the wall's centre, 0 degrees along x, 90 degrees along y. Each
-part has its own flat facet there (`design.shape.cavity`). In a straight wall a position is a distance along the wall,
-`along`. It increases with x on the south and north walls, and with y on the east and west walls. The drawing shows the
-walls from above:
+part has its own flat facet there (`optopad.design.shape.cavity`). In a straight wall a position is a distance along the
+wall, `along`. It increases with x on the south and north walls, and with y on the east and west walls. The drawing
+shows the walls from above:
 
         y                north
         ^         +-----------------+
@@ -19,8 +19,8 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from design.fields.base import Model, PartId
-from design.spec.pad import WALLS, Cavity, Wall
+from optopad.design.fields.base import Model, PartId
+from optopad.design.spec.pad import WALLS, Cavity, Wall
 
 Kind = Literal["emitter", "receiver"]
 

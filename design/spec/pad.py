@@ -1,6 +1,6 @@
 """Fields of the silicone pad: outline, size, layers, and the crown of its top.
 
-The module `design.shape.cavity` computes the geometry.
+The module `optopad.design.shape.cavity` computes the geometry.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
-from design.fields.base import Model
+from optopad.design.fields.base import Model
 
 Wall = Literal["south", "east", "north", "west"]
 WALLS: tuple[Wall, ...] = ("south", "east", "north", "west")

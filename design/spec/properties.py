@@ -11,16 +11,16 @@ from functools import cache
 
 from pydantic import ValidationError
 
-from design.errors import DesignError
-from design.fields.base import get_at
-from design.fields.packaged import data_table
-from design.fields.quantity import NM_PER_UM, Confidence, absorption_per_mm, lambertian_order
-from design.fields.sheet_names import sheet_name_hint
-from design.parts import catalog
-from design.parts.catalog import CatalogEntries, Elastomer, Part, Quantity
-from design.parts.spectrum import SpectralIndex, spectral_index
-from design.spec import Emitters, Receivers, SensorDesign
-from design.spec.layout import Kind, Placement, expand
+from optopad.design.errors import DesignError
+from optopad.design.fields.base import get_at
+from optopad.design.fields.packaged import data_table
+from optopad.design.fields.quantity import NM_PER_UM, Confidence, absorption_per_mm, lambertian_order
+from optopad.design.fields.sheet_names import sheet_name_hint
+from optopad.design.parts import catalog
+from optopad.design.parts.catalog import CatalogEntries, Elastomer, Part, Quantity
+from optopad.design.parts.spectrum import SpectralIndex, spectral_index
+from optopad.design.spec import Emitters, Receivers, SensorDesign
+from optopad.design.spec.layout import Kind, Placement, expand
 
 SECTIONS: dict[str, Kind] = {"emitters": "emitter", "receivers": "receiver"}
 

@@ -1,11 +1,11 @@
 """The specification of a sensor: all fields in which designs can differ.
 
 A design is immutable; `with_` returns a changed copy. Its `digest` depends on its content, and not on the formatting of
-its file. All lengths are in mm in the cavity's coordinate system (`design.shape.cavity`).
+its file. All lengths are in mm in the cavity's coordinate system (`optopad.design.shape.cavity`).
 
 Some fields describe how the signals of a manufactured unit deviate from ideal ones: noise, drift, ambient light, errors
-of the test stage, and silicone that comes off the walls. The signal chain (`sims.readings.signal_chain`) simulates
-them.
+of the test stage, and silicone that comes off the walls. The signal chain (`optopad.sims.readings.signal_chain`)
+simulates them.
 
 Noise is described in two ways for two purposes, which are never added together:
 
@@ -30,8 +30,8 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, ValidationError, model_validator
 
-from design.errors import DesignError
-from design.fields.base import (
+from optopad.design.errors import DesignError
+from optopad.design.fields.base import (
     FileName,
     Model,
     PartId,
@@ -41,12 +41,12 @@ from design.fields.base import (
     set_at,
     unknown_path,
 )
-from design.fields.validation import design_error
-from design.parts.catalog import CatalogEntries, identifiers
-from design.spec.indenter import Indenter, shape_fault
-from design.spec.layout import BY_ANGLE, BY_WALL, Pattern, expand
-from design.spec.pad import Cavity, Crown
-from design.toml_text import require_plain
+from optopad.design.fields.validation import design_error
+from optopad.design.parts.catalog import CatalogEntries, identifiers
+from optopad.design.spec.indenter import Indenter, shape_fault
+from optopad.design.spec.layout import BY_ANGLE, BY_WALL, Pattern, expand
+from optopad.design.spec.pad import Cavity, Crown
+from optopad.design.toml_text import require_plain
 
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 Offset = Annotated[float, Field(ge=0.0, le=2.0)]

@@ -16,13 +16,13 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, Literal
 
-from design.errors import DesignError
-from design.fields.base import get_at, is_value, known_values, unknown_path
-from design.fields.finding import Finding, error
-from design.fields.packaged import data_table
-from design.fields.quantity import Quantity
-from design.spec import SensorDesign
-from design.spec.properties import UsedValue, used_values
+from optopad.design.errors import DesignError
+from optopad.design.fields.base import get_at, is_value, known_values, unknown_path
+from optopad.design.fields.finding import Finding, error
+from optopad.design.fields.packaged import data_table
+from optopad.design.fields.quantity import Quantity
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.properties import UsedValue, used_values
 
 Distribution = Literal["uniform", "normal"]
 Origin = Literal["open value", "making", "given in the design"]

@@ -1,6 +1,6 @@
 """Driver of a manufactured sensor: receives frames over a serial line. It imports no CAD kernel and no models."""
 
-from fabrication.driver.link.frames import Frame
-from fabrication.driver.sensor import Sensor
+from optopad.fabrication.driver.link.frames import Frame
+from optopad.fabrication.driver.sensor import Sensor
 
 __all__ = ["Frame", "Sensor"]

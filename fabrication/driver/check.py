@@ -22,12 +22,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from design.arrays import BoolArray
-from design.errors import InputError
-from fabrication.driver.descriptor import Descriptor
-from fabrication.driver.link.frames import Frame
-from fabrication.driver.link.protocol import SelfTest
-from fabrication.driver.pattern import (
+from optopad.design.arrays import BoolArray
+from optopad.design.errors import InputError
+from optopad.fabrication.driver.descriptor import Descriptor
+from optopad.fabrication.driver.link.frames import Frame
+from optopad.fabrication.driver.link.protocol import SelfTest
+from optopad.fabrication.driver.pattern import (
     CLIP_SHARE,
     FLOOR_COUNTS,
     SEEN_COUNTS,
@@ -37,7 +37,7 @@ from fabrication.driver.pattern import (
     pattern_of,
     receiver_text,
 )
-from fabrication.driver.wiring_check import exchanged_wires
+from optopad.fabrication.driver.wiring_check import exchanged_wires
 
 DEAD_SHARE = 0.1
 """A part counts as dead if all its readings are below this fraction of the darkest part's largest expected reading

@@ -6,9 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from design.arrays import FloatArray
-from design.recordings import OFF
-from fabrication.driver_file import DriverConfig, EmitterEntry, ReceiverEntry, SurfaceEntry, WorkspaceLimits
+from optopad.design.arrays import FloatArray
+from optopad.design.recordings import OFF
+from optopad.fabrication.driver_file import (
+    DriverConfig,
+    EmitterEntry,
+    ReceiverEntry,
+    SurfaceEntry,
+    WorkspaceLimits,
+)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -40,10 +40,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from design.arrays import FloatArray
-from design.errors import InputError
-from fabrication.driver.gain_pattern import GainPattern, relative_change
-from fabrication.driver.link.frames import WEAKEST_BASELINE_COUNTS
+from optopad.design.arrays import FloatArray
+from optopad.design.errors import InputError
+from optopad.fabrication.driver.gain_pattern import GainPattern, relative_change
+from optopad.fabrication.driver.link.frames import WEAKEST_BASELINE_COUNTS
 
 TIME_CONSTANT_S, GUARD_S = 10.0, 0.5
 SHORT_S = 0.2

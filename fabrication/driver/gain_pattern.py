@@ -17,8 +17,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from design.arrays import BoolArray, FloatArray
-from fabrication.driver.link.frames import WEAKEST_BASELINE_COUNTS
+from optopad.design.arrays import BoolArray, FloatArray
+from optopad.fabrication.driver.link.frames import WEAKEST_BASELINE_COUNTS
 
 LEAST_SIGMA = 1e-4
 """Smallest noise assumed for a pair, relative to its signal [-]; measured noise may be 0 because of rounding."""

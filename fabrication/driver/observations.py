@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from design.errors import DeviceError
-from fabrication.driver.link.frames import US_PER_S, Frame
-from fabrication.driver.recording.lerobot import (
+from optopad.design.errors import DeviceError
+from optopad.fabrication.driver.link.frames import US_PER_S, Frame
+from optopad.fabrication.driver.recording.lerobot import (
     SIGNALS,
     Take,
     checked_take,
@@ -18,7 +18,7 @@ from fabrication.driver.recording.lerobot import (
     gathered,
     rows_of_step,
 )
-from fabrication.driver.sensor import Sensor
+from optopad.fabrication.driver.sensor import Sensor
 
 AGE = f"{SIGNALS}_age"
 """Name of the observation that states how old a step's latest frame is."""

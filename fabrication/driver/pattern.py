@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from design.arrays import BoolArray, FloatArray
-from design.recordings import signals_of
-from fabrication.driver.descriptor import Descriptor, PartArray
+from optopad.design.arrays import BoolArray, FloatArray
+from optopad.design.recordings import signals_of
+from optopad.fabrication.driver.descriptor import Descriptor, PartArray
 
 FLOOR_COUNTS = 8.0
 """Readings below this value are not compared, because ambient light, noise and light outside the model dominate them

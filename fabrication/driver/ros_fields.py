@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from design.errors import InputError
-from fabrication.driver.recording.mcap_file import frame_message, sensor_message, stamp
+from optopad.design.errors import InputError
+from optopad.fabrication.driver.recording.mcap_file import frame_message, sensor_message, stamp
 
 if TYPE_CHECKING:
-    from fabrication.driver.descriptor import Descriptor
-    from fabrication.driver.link.frames import Frame
-    from fabrication.driver.stream import LinkCounts
-    from fabrication.driver.touch_reader import Touch
+    from optopad.fabrication.driver.descriptor import Descriptor
+    from optopad.fabrication.driver.link.frames import Frame
+    from optopad.fabrication.driver.stream import LinkCounts
+    from optopad.fabrication.driver.touch_reader import Touch
 
 __all__ = [
     "NodeClock",

@@ -1,6 +1,6 @@
 """Reads a manufactured sensor: a context manager that yields frames.
 
-    from fabrication.driver import Sensor
+    from optopad.fabrication.driver import Sensor
 
     with Sensor("driver.toml") as sensor:
         for frame in sensor:
@@ -24,12 +24,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from design.arrays import FloatArray
-from design.errors import DeviceError, InputError
-from fabrication.driver.descriptor import Descriptor, descriptor_of
-from fabrication.driver.link.frames import Frame, FrameDecoder
-from fabrication.driver.link.link import ANSWER_S, Link, check_hello, interval_us, require_digest
-from fabrication.driver.link.ports import (
+from optopad.design.arrays import FloatArray
+from optopad.design.errors import DeviceError, InputError
+from optopad.fabrication.driver.descriptor import Descriptor, descriptor_of
+from optopad.fabrication.driver.link.frames import Frame, FrameDecoder
+from optopad.fabrication.driver.link.link import ANSWER_S, Link, check_hello, interval_us, require_digest
+from optopad.fabrication.driver.link.ports import (
     GATHER_S,
     GUESSED,
     Port,
@@ -38,10 +38,10 @@ from fabrication.driver.link.ports import (
     on_standard_error,
     serial_number_of,
 )
-from fabrication.driver.link.protocol import Hello, SelfTest, frame_format
-from fabrication.driver.recording.recorder import Recorder
-from fabrication.driver.stream import LinkCounts, Stream
-from fabrication.driver_file import DriverConfig, load_driver_config
+from optopad.fabrication.driver.link.protocol import Hello, SelfTest, frame_format
+from optopad.fabrication.driver.recording.recorder import Recorder
+from optopad.fabrication.driver.stream import LinkCounts, Stream
+from optopad.fabrication.driver_file import DriverConfig, load_driver_config
 
 if TYPE_CHECKING:
     from typing_extensions import Self  # in typing from Python 3.11

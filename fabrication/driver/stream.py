@@ -17,13 +17,20 @@ from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 
-from design.errors import DeviceError, OutputError
-from fabrication.driver.link.frames import Frame, FrameDecoder
-from fabrication.driver.link.link import Link
-from fabrication.driver.link.ports import PortLostError
-from fabrication.driver.link.protocol import Command, Hello, Kind, SelfTest, unpack_hello, unpack_self_test
-from fabrication.driver.link.scanner import Message
-from fabrication.driver.recording.recorder import Recorder
+from optopad.design.errors import DeviceError, OutputError
+from optopad.fabrication.driver.link.frames import Frame, FrameDecoder
+from optopad.fabrication.driver.link.link import Link
+from optopad.fabrication.driver.link.ports import PortLostError
+from optopad.fabrication.driver.link.protocol import (
+    Command,
+    Hello,
+    Kind,
+    SelfTest,
+    unpack_hello,
+    unpack_self_test,
+)
+from optopad.fabrication.driver.link.scanner import Message
+from optopad.fabrication.driver.recording.recorder import Recorder
 
 LOOK_EVERY_S = 0.1
 """Time between two searches for the board after its port was lost [s]."""

@@ -17,15 +17,21 @@ from itertools import islice
 
 import numpy as np
 
-from design.arrays import FloatArray
-from design.errors import DeviceError, InputError
-from fabrication.driver.descriptor import Descriptor
-from fabrication.driver.drift import GUARD_S, LEAST_START_FRAMES, TIME_CONSTANT_S, DriftState, DriftTracker
-from fabrication.driver.link.frames import US_PER_S, Frame
-from fabrication.driver.sensor import BASELINE_S, Sensor
-from sims.learning.inference.header import ModelHeader, require_design
-from sims.learning.inference.prediction import Prediction
-from sims.learning.inference.touch_model import TouchModel
+from optopad.design.arrays import FloatArray
+from optopad.design.errors import DeviceError, InputError
+from optopad.fabrication.driver.descriptor import Descriptor
+from optopad.fabrication.driver.drift import (
+    GUARD_S,
+    LEAST_START_FRAMES,
+    TIME_CONSTANT_S,
+    DriftState,
+    DriftTracker,
+)
+from optopad.fabrication.driver.link.frames import US_PER_S, Frame
+from optopad.fabrication.driver.sensor import BASELINE_S, Sensor
+from optopad.sims.learning.inference.header import ModelHeader, require_design
+from optopad.sims.learning.inference.prediction import Prediction
+from optopad.sims.learning.inference.touch_model import TouchModel
 
 AXES = ("x", "y", "depth")
 """Names of the three numbers of a press."""

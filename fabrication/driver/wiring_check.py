@@ -19,8 +19,8 @@ from itertools import combinations
 
 import numpy as np
 
-from design.arrays import BoolArray, FloatArray
-from fabrication.driver.pattern import (
+from optopad.design.arrays import BoolArray, FloatArray
+from optopad.fabrication.driver.pattern import (
     FLOOR_COUNTS,
     SEEN_COUNTS,
     Pattern,

@@ -1,4 +1,6 @@
-"""ROS 2: the messages of optopad, and the packages that `optopad driver ros2` and `python3 -m fabrication.ros2` write.
+"""ROS 2: the messages of optopad, and the packages that `optopad driver ros2` writes.
 
-Imports within this repository: design.errors, design.files.
+`optopad_msgs` and `optopad_ros` are data: they are copied into a workspace, and nothing here imports them.
+
+Imports within this repository: optopad.design.errors, optopad.design.files.
 """

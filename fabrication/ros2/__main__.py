@@ -1,4 +1,4 @@
-"""Writes the ROS 2 packages where only the driver is installed: `python3 -m fabrication.ros2 ~/ros2_ws/src`.
+"""Writes the ROS 2 packages where only the driver is installed: `python3 -m optopad.fabrication.ros2 ~/ros2_ws/src`.
 
 `optopad driver ros2` does the same where the commands are installed.
 """
@@ -8,14 +8,17 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from design.errors import OptopadError
-from fabrication.ros2.workspace import write_packages
+from optopad.design.errors import OptopadError
+from optopad.fabrication.ros2.workspace import write_packages
 
 
 def main(arguments: list[str]) -> int:
     """Write the packages into the folder that the only argument names; returns the exit code."""
     if len(arguments) != 1 or arguments[0].startswith("-"):
-        print("usage: python3 -m fabrication.ros2 FOLDER  (the src folder of a workspace)", file=sys.stderr)
+        print(
+            "usage: python3 -m optopad.fabrication.ros2 FOLDER  (the src folder of a workspace)",
+            file=sys.stderr,
+        )
         return 2
     try:
         made = write_packages(Path(arguments[0]))

@@ -7,7 +7,7 @@ from functools import cache
 from importlib.resources import files
 
 PACKAGE = "optopad_msgs"
-_FOLDER = files("fabrication.ros2") / PACKAGE / "msg"
+_FOLDER = files("optopad.fabrication.ros2") / PACKAGE / "msg"
 _LINE = "=" * 80
 _FIELD = re.compile(r"^(?P<type>[A-Za-z][\w/]*)(?:\[\d*\])?\s+\w", re.MULTILINE)
 

@@ -6,8 +6,8 @@ import shutil
 from importlib.resources import as_file, files
 from pathlib import Path
 
-from design.errors import InputError
-from design.files import whole_folder
+from optopad.design.errors import InputError
+from optopad.design.files import whole_folder
 
 PACKAGES = ("optopad_msgs", "optopad_ros")
 
@@ -31,6 +31,9 @@ def write_packages(folder: Path) -> list[Path]:
                 f"--out {folder}: {package.name} exists already; remove it, or choose another folder"
             )
     for package in made:
-        with whole_folder(package) as hidden, as_file(files("fabrication.ros2") / package.name) as source:
+        with (
+            whole_folder(package) as hidden,
+            as_file(files("optopad.fabrication.ros2") / package.name) as source,
+        ):
             shutil.copytree(source, hidden, ignore=shutil.ignore_patterns("__pycache__"), dirs_exist_ok=True)
     return made

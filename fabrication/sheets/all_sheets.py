@@ -8,17 +8,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from design.io import write_text_atomically
-from design.spec import SensorDesign
-from fabrication.connections import Connection, connections_of
-from fabrication.driver_config import dump_driver_config
-from fabrication.gain import SimulatedGain
-from fabrication.sheets.bom import BomRow, bom_csv, bom_rows
-from fabrication.sheets.casting import casting_md
-from fabrication.sheets.orientation_svg import orientation_svg
-from fabrication.sheets.schematic_svg import schematic_svg
-from fabrication.sheets.table import Cell, csv_text
-from fabrication.sheets.wiring_svg import wiring_svg
+from optopad.design.io import write_text_atomically
+from optopad.design.spec import SensorDesign
+from optopad.fabrication.connections import Connection, connections_of
+from optopad.fabrication.driver_config import dump_driver_config
+from optopad.fabrication.gain import SimulatedGain
+from optopad.fabrication.sheets.bom import BomRow, bom_csv, bom_rows
+from optopad.fabrication.sheets.casting import casting_md
+from optopad.fabrication.sheets.orientation_svg import orientation_svg
+from optopad.fabrication.sheets.schematic_svg import schematic_svg
+from optopad.fabrication.sheets.table import Cell, csv_text
+from optopad.fabrication.sheets.wiring_svg import wiring_svg
 
 COLUMNS = (
     "reference",

@@ -12,8 +12,8 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from cad.volume import mold_volume_mm3
-from design.circuit.emitter_switch import (
+from optopad.cad.volume import mold_volume_mm3
+from optopad.design.circuit.emitter_switch import (
     CurrentSink,
     EmitterSwitch,
     current_sink,
@@ -21,7 +21,7 @@ from design.circuit.emitter_switch import (
     most_drive_ma,
     transistor_of,
 )
-from design.circuit.pins import (
+from optopad.design.circuit.pins import (
     amplifier_v,
     board_of,
     converter_of,
@@ -30,11 +30,11 @@ from design.circuit.pins import (
     multiplexer_of,
     shift_register_of,
 )
-from design.circuit.transimpedance import Feedback, settle_words
-from design.mold.filling import is_cast_under_lid
-from design.mold.outline import outline_of
-from design.parts.assumptions import assumption, ohm_text
-from design.parts.catalog import (
+from optopad.design.circuit.transimpedance import Feedback, settle_words
+from optopad.design.mold.filling import is_cast_under_lid
+from optopad.design.mold.outline import outline_of
+from optopad.design.parts.assumptions import assumption, ohm_text
+from optopad.design.parts.catalog import (
     Board,
     Chip,
     Converter,
@@ -44,13 +44,13 @@ from design.parts.catalog import (
     find_amplifier,
     find_mold_material,
 )
-from design.parts.orders import order_of
-from design.shape.cavity import PlacedPart, cavity_of, plan_of
-from design.spec import SensorDesign
-from design.spec.properties import elastomer_of, entries_of
-from fabrication.gain import SimulatedGain, feedbacks_for
-from fabrication.sheets.silicone import MM3_PER_CM3, pours, silicone_g
-from fabrication.sheets.table import csv_text, number
+from optopad.design.parts.orders import order_of
+from optopad.design.shape.cavity import PlacedPart, cavity_of, plan_of
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.properties import elastomer_of, entries_of
+from optopad.fabrication.gain import SimulatedGain, feedbacks_for
+from optopad.fabrication.sheets.silicone import MM3_PER_CM3, pours, silicone_g
+from optopad.fabrication.sheets.table import csv_text, number
 
 COLUMNS = (
     "item",

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from fabrication.sheets.bom import BomRow
-from fabrication.sheets.prices import bill_sum
-from fabrication.sheets.table import number, plain
+from optopad.fabrication.sheets.bom import BomRow
+from optopad.fabrication.sheets.prices import bill_sum
+from optopad.fabrication.sheets.table import number, plain
 
 
 def buy_lines(rows: Sequence[BomRow]) -> Iterator[str]:

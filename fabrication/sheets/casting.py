@@ -8,27 +8,27 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from design.fields.quantity import Quantity
-from design.mold.filling import is_cast_under_lid
-from design.mold.outline import outline_of
-from design.mold.webs import bodies_above_rim, pockets_below_clear_layer
-from design.parts.assumptions import assumption
-from design.parts.catalog import find_mold_material
-from design.parts.elastomer import Cure
-from design.preset import true_description
-from design.rules.mold import is_inhibited
-from design.shape.cavity import CavityGeometry, PlacedPart, cavity_of, plan_of
-from design.spec import SensorDesign
-from design.spec.fits import clearance_mm, fit_name
-from design.spec.properties import elastomer_of, entries_of, quantities_of
-from fabrication.connections import polarity_of
-from fabrication.gain import SimulatedGain
-from fabrication.sheets.bom import BomRow, bom_rows
-from fabrication.sheets.buy_sheet import buy_lines
-from fabrication.sheets.gain_sheet import gain_lines
-from fabrication.sheets.schematic_svg import circuit_lines
-from fabrication.sheets.silicone import pours
-from fabrication.sheets.table import number, plain, size_words
+from optopad.design.fields.quantity import Quantity
+from optopad.design.mold.filling import is_cast_under_lid
+from optopad.design.mold.outline import outline_of
+from optopad.design.mold.webs import bodies_above_rim, pockets_below_clear_layer
+from optopad.design.parts.assumptions import assumption
+from optopad.design.parts.catalog import find_mold_material
+from optopad.design.parts.elastomer import Cure
+from optopad.design.preset import true_description
+from optopad.design.rules.mold import is_inhibited
+from optopad.design.shape.cavity import CavityGeometry, PlacedPart, cavity_of, plan_of
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.fits import clearance_mm, fit_name
+from optopad.design.spec.properties import elastomer_of, entries_of, quantities_of
+from optopad.fabrication.connections import polarity_of
+from optopad.fabrication.gain import SimulatedGain
+from optopad.fabrication.sheets.bom import BomRow, bom_rows
+from optopad.fabrication.sheets.buy_sheet import buy_lines
+from optopad.fabrication.sheets.gain_sheet import gain_lines
+from optopad.fabrication.sheets.schematic_svg import circuit_lines
+from optopad.fabrication.sheets.silicone import pours
+from optopad.fabrication.sheets.table import number, plain, size_words
 
 MEASURED_FIELDS = ("body_width_mm", "body_depth_mm", "body_height_mm", "active_height_in_body_mm")
 """Names of the part dimensions that determine the size of a part's socket in the wall."""

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from design.circuit.transimpedance import Feedback, counts_per_flux_per_ohm, settling_findings
-from design.parts.assumptions import ohm_text
-from design.shape.cavity import cavity_of, facing_pairs
-from design.spec import SensorDesign
-from fabrication.gain import SimulatedGain, clipped_pairs, feedbacks_for
-from fabrication.sheets.table import number, plain
-from sims.readings.readout import full_scale_counts
+from optopad.design.circuit.transimpedance import Feedback, counts_per_flux_per_ohm, settling_findings
+from optopad.design.parts.assumptions import ohm_text
+from optopad.design.shape.cavity import cavity_of, facing_pairs
+from optopad.design.spec import SensorDesign
+from optopad.fabrication.gain import SimulatedGain, clipped_pairs, feedbacks_for
+from optopad.fabrication.sheets.table import number, plain
+from optopad.sims.readings.readout import full_scale_counts
 
 SHOWN_CLIPPED = 24
 """Largest number of pairs above full scale that are listed by name; any others are only counted."""

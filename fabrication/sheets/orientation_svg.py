@@ -8,22 +8,22 @@
      black   |  ||  leads or wires
     ---------+-------- bed
 
-The drawing agrees with the printed part: its numbers come from `design.mold.outline`.
+The drawing agrees with the printed part: its numbers come from `optopad.design.mold.outline`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from design.mold.outline import MoldOutline, outline_of
-from design.mold.sockets import Cut, Socket, lead_setback_mm
-from design.spec import SensorDesign
-from design.spec.fits import clearance_mm, fit_name
-from fabrication.connections import polarity_of
-from fabrication.sheets import svg
-from fabrication.sheets.svg import Element, Point
-from fabrication.sheets.table import number
-from fabrication.sheets.wiring_svg import EMITTER_COLOUR, RECEIVER_COLOUR
+from optopad.design.mold.outline import MoldOutline, outline_of
+from optopad.design.mold.sockets import Cut, Socket, lead_setback_mm
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.fits import clearance_mm, fit_name
+from optopad.fabrication.connections import polarity_of
+from optopad.fabrication.sheets import svg
+from optopad.fabrication.sheets.svg import Element, Point
+from optopad.fabrication.sheets.table import number
+from optopad.fabrication.sheets.wiring_svg import EMITTER_COLOUR, RECEIVER_COLOUR
 
 SCALE = 16.0
 """Scale of the drawing [drawing units/mm]."""

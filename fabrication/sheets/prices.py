@@ -26,10 +26,10 @@ from typing import Literal
 
 from pydantic import ValidationError
 
-from design.csv_table import CsvTable, read_csv
-from design.errors import InputError, shown
-from design.fields.quantity import Cost
-from fabrication.sheets.bom import NO_PRICE, BomRow
+from optopad.design.csv_table import CsvTable, read_csv
+from optopad.design.errors import InputError, shown
+from optopad.design.fields.quantity import Cost
+from optopad.fabrication.sheets.bom import NO_PRICE, BomRow
 
 CURRENCIES = (
     *("AUD", "BRL", "CAD", "CHF", "CNY", "CZK", "DKK", "EUR", "GBP", "HKD", "HUF", "ILS", "INR", "JPY"),

@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from design.circuit.emitter_switch import (
+from optopad.design.circuit.emitter_switch import (
     CurrentSink,
     SupplyCurrent,
     current_sink,
@@ -28,7 +28,7 @@ from design.circuit.emitter_switch import (
     supply_current,
     transistor_of,
 )
-from design.circuit.pins import (
+from optopad.design.circuit.pins import (
     address_pins,
     amplifier_v,
     board_of,
@@ -41,16 +41,16 @@ from design.circuit.pins import (
     spi_pins,
     switch_pins,
 )
-from design.circuit.transimpedance import Feedback
-from design.parts.assumptions import ohm_text
-from design.parts.catalog import Board, find_amplifier
-from design.shape.cavity import cavity_of
-from design.spec import SensorDesign
-from design.spec.properties import entries_of
-from fabrication.connections import Connection, connections_of, pin_words
-from fabrication.gain import SimulatedGain, feedbacks_for
-from fabrication.sheets import svg
-from fabrication.sheets.svg import Element, Point
+from optopad.design.circuit.transimpedance import Feedback
+from optopad.design.parts.assumptions import ohm_text
+from optopad.design.parts.catalog import Board, find_amplifier
+from optopad.design.shape.cavity import cavity_of
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.properties import entries_of
+from optopad.fabrication.connections import Connection, connections_of, pin_words
+from optopad.fabrication.gain import SimulatedGain, feedbacks_for
+from optopad.fabrication.sheets import svg
+from optopad.fabrication.sheets.svg import Element, Point
 
 
 def circuit_lines(design: SensorDesign, gain: SimulatedGain | None = None) -> Iterator[str]:

@@ -14,10 +14,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from design.parts.assumptions import assumption
-from design.shape.cavity import cavity_of
-from design.spec import SensorDesign
-from design.spec.properties import elastomer_of
+from optopad.design.parts.assumptions import assumption
+from optopad.design.shape.cavity import cavity_of
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.properties import elastomer_of
 
 MM3_PER_CM3 = 1e3
 MOST_WEIGHING_ERROR = 0.05

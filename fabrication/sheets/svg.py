@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from xml.etree import ElementTree
 
-from fabrication.sheets.table import one_line
+from optopad.fabrication.sheets.table import one_line
 
 Element = ElementTree.Element
 Point = tuple[float, float]

@@ -13,7 +13,7 @@ import io
 import re
 from collections.abc import Iterable, Sequence
 
-from design.shape.outline import Outline
+from optopad.design.shape.outline import Outline
 
 FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r", "\n")
 

@@ -9,7 +9,7 @@
          E1   R1
 
 On a round pad, a label is at the side of the sheet nearest to its part. The shapes of bodies and mold come from
-`design.mold.outline`, so the drawing agrees with the printed part.
+`optopad.design.mold.outline`, so the drawing agrees with the printed part.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from design.mold.outline import MoldOutline, outline_of
-from design.mold.sockets import Socket
-from design.shape.cavity import TURN_RAD, PlacedPart, Plan, workspace_of
-from design.shape.outline import Outline, X
-from design.spec import SensorDesign
-from design.spec.pad import WALLS, Wall
-from fabrication.connections import Connection, connections_of, pin_words
-from fabrication.sheets import svg
-from fabrication.sheets.svg import Element, Point
-from fabrication.sheets.table import number, size_words
+from optopad.design.mold.outline import MoldOutline, outline_of
+from optopad.design.mold.sockets import Socket
+from optopad.design.shape.cavity import TURN_RAD, PlacedPart, Plan, workspace_of
+from optopad.design.shape.outline import Outline, X
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.pad import WALLS, Wall
+from optopad.fabrication.connections import Connection, connections_of, pin_words
+from optopad.fabrication.sheets import svg
+from optopad.fabrication.sheets.svg import Element, Point
+from optopad.fabrication.sheets.table import number, size_words
 
 EMITTER_COLOUR = "#b34700"
 RECEIVER_COLOUR = "#00589e"

@@ -23,19 +23,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from design.arrays import FloatArray
-from design.errors import DeviceError, InputError
-from design.files import own_folder, whole_file, write_whole
-from design.plain_arrays import plain_arrays
-from design.recordings import SetEntry
-from fabrication.driver.link.frames import US_PER_S, Frame
-from fabrication.driver.recording.export import write_netcdf
-from fabrication.driver.recording.press_labels import PressLabels
-from fabrication.driver.recording.recorded import Recorded
-from fabrication.driver.sensor import Sensor
-from fabrication.driver_file import DriverConfig
-from fabrication.stage.stage import Position, PressList, Stage, StagePress
-from fabrication.stage.tip_path import NOWHERE, Knot, TracedStage, joined_path
+from optopad.design.arrays import FloatArray
+from optopad.design.errors import DeviceError, InputError
+from optopad.design.files import own_folder, whole_file, write_whole
+from optopad.design.plain_arrays import plain_arrays
+from optopad.design.recordings import SetEntry
+from optopad.fabrication.driver.link.frames import US_PER_S, Frame
+from optopad.fabrication.driver.recording.export import write_netcdf
+from optopad.fabrication.driver.recording.press_labels import PressLabels
+from optopad.fabrication.driver.recording.recorded import Recorded
+from optopad.fabrication.driver.sensor import Sensor
+from optopad.fabrication.driver_file import DriverConfig
+from optopad.fabrication.stage.stage import Position, PressList, Stage, StagePress
+from optopad.fabrication.stage.tip_path import NOWHERE, Knot, TracedStage, joined_path
 
 FORMAT, VERSION = "optopad-collection", 1
 PLAN = "plan.json"

@@ -1,7 +1,7 @@
 """A simulated 3-axis printer with Marlin's G-code, for tests of the stage without a printer.
 
-The printer takes bytes and times and returns bytes; `fabrication.driver.simulated.port.FakePort` connects it to a
-pseudo-terminal. A move has constant speed, without acceleration, and begins when the previous one has ended. The
+The printer takes bytes and times and returns bytes; `optopad.fabrication.driver.simulated.port.FakePort` connects it to
+a pseudo-terminal. A move has constant speed, without acceleration, and begins when the previous one has ended. The
 replies to M400 and G28 come at the end of the motion, all others immediately. Opening the port resets the printer: its
 coordinates become 0 at the current position.
 
@@ -18,8 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from design.arrays import FloatArray
-from design.errors import InputError
+from optopad.design.arrays import FloatArray
+from optopad.design.errors import InputError
 
 FAULTS = ("silent", "error", "shifted", "restarted")
 BUSY_EVERY_S = 2.0

@@ -21,10 +21,10 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import TYPE_CHECKING
 
-from design.errors import DeviceError, InputError
-from fabrication.driver.link.ports import Port, PortLostError, on_standard_error
-from fabrication.stage.stage import Position, StageLimits
-from fabrication.stage.tip_path import NOWHERE, Knot, leg
+from optopad.design.errors import DeviceError, InputError
+from optopad.fabrication.driver.link.ports import Port, PortLostError, on_standard_error
+from optopad.fabrication.stage.stage import Position, StageLimits
+from optopad.fabrication.stage.tip_path import NOWHERE, Knot, leg
 
 if TYPE_CHECKING:
     from typing_extensions import Self  # in typing from Python 3.11

@@ -24,12 +24,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Protocol
 
-from design.csv_table import read_csv
-from design.errors import InputError
-from design.recordings import SetEntry
-from design.shape.outline import Outline
-from fabrication.driver.recording.position_log import set_entry, whole_place
-from fabrication.driver_file import WorkspaceLimits
+from optopad.design.csv_table import read_csv
+from optopad.design.errors import InputError
+from optopad.design.recordings import SetEntry
+from optopad.design.shape.outline import Outline
+from optopad.fabrication.driver.recording.position_log import set_entry, whole_place
+from optopad.fabrication.driver_file import WorkspaceLimits
 
 if TYPE_CHECKING:
     from typing_extensions import Self  # in typing from Python 3.11

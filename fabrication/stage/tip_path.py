@@ -21,8 +21,8 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from design.arrays import FloatArray
-from fabrication.stage.stage import Position, Stage
+from optopad.design.arrays import FloatArray
+from optopad.fabrication.stage.stage import Position, Stage
 
 Knot = tuple[float, float, float, float]
 """Time [s since 1970] and position x, y, depth [mm] of the tip."""

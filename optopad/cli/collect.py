@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from design.errors import DeviceError, InputError, OutputError
 from optopad.cli import options
 from optopad.cli.interrupts import answered
 from optopad.cli.output import print_json, progress, say
+from optopad.design.errors import DeviceError, InputError, OutputError
 
 if TYPE_CHECKING:
-    from design.recordings import SetEntry
-    from fabrication.stage.collection import Collected, Collector
-    from fabrication.stage.gcode_stage import GcodeStage
-    from fabrication.stage.stage import Position, PressList
+    from optopad.design.recordings import SetEntry
+    from optopad.fabrication.stage.collection import Collected, Collector
+    from optopad.fabrication.stage.gcode_stage import GcodeStage
+    from optopad.fabrication.stage.stage import Position, PressList
     from optopad.sensor.driver_view import DriverSource
 
 STANDS = "give its present position, which the last run reported at its end, or home it (--origin)"
@@ -88,11 +88,11 @@ def collect(
     as_json: options.Json = False,
 ) -> None:
     """Press the pad unattended and record the frames of each press; the same command continues an interrupted run."""
-    from fabrication.driver.link.ports import plain_name
-    from fabrication.driver.sensor import Sensor
-    from fabrication.stage.collection import Collector
-    from fabrication.stage.gcode_stage import BOOT_S, GcodeStage
-    from fabrication.stage.stage import limits_of
+    from optopad.fabrication.driver.link.ports import plain_name
+    from optopad.fabrication.driver.sensor import Sensor
+    from optopad.fabrication.stage.collection import Collector
+    from optopad.fabrication.stage.gcode_stage import BOOT_S, GcodeStage
+    from optopad.fabrication.stage.stage import limits_of
     from optopad.sensor.driver_view import driver_source
 
     if tip_at is not None and origin is not None:
@@ -174,7 +174,7 @@ def _pressed(
 
 
 def _presses(source: DriverSource, protocol: str, seed: int) -> PressList:
-    from fabrication.stage.stage import read_press_list
+    from optopad.fabrication.stage.stage import read_press_list
 
     suffix = Path(protocol).suffix.lower()
     if suffix == ".csv" or (Path(protocol).is_file() and suffix != ".toml"):

@@ -60,8 +60,14 @@ def config(
     """Write driver.toml, wiring table and bill of materials of a design."""
     from dataclasses import asdict
 
-    from fabrication.sheets.bom import SET_BY_GAIN
-    from fabrication.sheets.prices import bill_sum, held_against, parsed_budget, read_prices, unused_words
+    from optopad.fabrication.sheets.bom import SET_BY_GAIN
+    from optopad.fabrication.sheets.prices import (
+        bill_sum,
+        held_against,
+        parsed_budget,
+        read_prices,
+        unused_words,
+    )
     from optopad.jobs.pipeline import write_driver_config
     from optopad.screen.verdict import as_typed
 

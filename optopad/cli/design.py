@@ -12,16 +12,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from design.errors import DesignError, InputError, ModelScopeError
-from design.preset import PRESETS
 from optopad.cli import options
 from optopad.cli.interrupts import answered
 from optopad.cli.output import print_json, progress, say, tell
+from optopad.design.errors import DesignError, InputError, ModelScopeError
+from optopad.design.preset import PRESETS
 from optopad.work import read_design
 
 if TYPE_CHECKING:
-    from design.fields.finding import Finding
-    from design.spec import SensorDesign
+    from optopad.design.fields.finding import Finding
+    from optopad.design.spec import SensorDesign
     from optopad.studio.live import LiveSensor
     from optopad.studio.session import Session
 
@@ -39,12 +39,12 @@ def new(
     import re
     import tomllib
 
-    from design.errors import InputError
-    from design.fields.base import NAME_PATTERN
-    from design.files import require_suffix
-    from design.io import write_text_atomically
-    from design.preset import new_text
-    from design.spec import SensorDesign
+    from optopad.design.errors import InputError
+    from optopad.design.fields.base import NAME_PATTERN
+    from optopad.design.files import require_suffix
+    from optopad.design.io import write_text_atomically
+    from optopad.design.preset import new_text
+    from optopad.design.spec import SensorDesign
 
     require_suffix(file, (".toml",))
     if not re.fullmatch(NAME_PATTERN, file.stem):
@@ -73,8 +73,8 @@ def check(
     """Check whether a design can be made and can work; the exit code is 2 if a finding is an error."""
     from dataclasses import asdict
 
-    from design.rules.check import by_weight, notes
-    from design.rules.check import check as findings_of
+    from optopad.design.rules.check import by_weight, notes
+    from optopad.design.rules.check import check as findings_of
     from optopad.results.figures import summary_words
     from optopad.screen.verdict import as_typed, findings_screen, rate_words
 
@@ -100,8 +100,8 @@ def check(
 
 def _contact_findings(design: SensorDesign) -> Iterator[Finding]:
     """Findings of the contact model, whose libraries are not loaded for a hemisphere on a pad of ordinary size."""
-    from design.rules.check import require_scope, require_valid
-    from design.rules.shape import is_wide
+    from optopad.design.rules.check import require_scope, require_valid
+    from optopad.design.rules.shape import is_wide
 
     if is_wide(design):
         return
@@ -110,7 +110,7 @@ def _contact_findings(design: SensorDesign) -> Iterator[Finding]:
         require_scope(design)
     except (DesignError, ModelScopeError):
         return
-    from sims.contact.indentation import wall_findings
+    from optopad.sims.contact.indentation import wall_findings
 
     yield from wall_findings(design)
 
@@ -129,7 +129,7 @@ def schema(
     """Print the JSON Schema of design files, for completion and checks in an editor."""
     import json
 
-    from design.io import file_schema, write_text_atomically
+    from optopad.design.io import file_schema, write_text_atomically
 
     text = json.dumps(file_schema(), indent=2) + "\n"
     if out is None:
@@ -153,9 +153,9 @@ def build(
     as_json: options.Json = False,
 ) -> None:
     """Write mold and tools as STL, STEP and 3MF, and check them."""
-    from design.mold.filling import is_cast_under_lid
-    from design.parts.assumptions import bed_of
-    from design.shape.cavity import plan_of
+    from optopad.design.mold.filling import is_cast_under_lid
+    from optopad.design.parts.assumptions import bed_of
+    from optopad.design.shape.cavity import plan_of
     from optopad.jobs.pipeline import write_parts
     from optopad.screen.verdict import checks_line, finding_line
 
@@ -177,7 +177,7 @@ def build(
 
 
 def _weights(design: SensorDesign) -> Iterator[str]:
-    from fabrication.sheets.silicone import pours
+    from optopad.fabrication.sheets.silicone import pours
 
     return (f"{pour.net_g:.2f} g of {pour.layer} silicone" for pour in pours(design))
 

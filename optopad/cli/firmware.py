@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from design.errors import DeviceError
 from optopad.cli import options
 from optopad.cli.output import print_json, say
+from optopad.design.errors import DeviceError
 from optopad.work import read_design
 
 if TYPE_CHECKING:
-    from design.parts.board_firmware import ArduinoProgram
-    from fabrication.driver_file import BoardSetup
+    from optopad.design.parts.board_firmware import ArduinoProgram
+    from optopad.fabrication.driver_file import BoardSetup
 
 
 def firmware(
@@ -27,7 +27,7 @@ def firmware(
     as_json: options.Json = False,
 ) -> None:
     """Write the sketch folder of a design for the Arduino IDE, and a .hex file if avr-gcc is installed."""
-    from fabrication.sketch import firmware_settings
+    from optopad.fabrication.sketch import firmware_settings
     from optopad.sensor.firmware import write_firmware
 
     read = read_design(design, set_)
@@ -88,11 +88,11 @@ def flash(
     """Upload the firmware of a design to its board, with avrdude or arduino-cli; a port where a printer replies is
     refused.
     """
-    from design.parts.board_firmware import BoardFirmware
-    from fabrication.driver.link.ports import port_of_serial
-    from fabrication.driver.link.printers import require_no_printer
-    from fabrication.driver.sensor import PATIENCE_S
-    from fabrication.flash import (
+    from optopad.design.parts.board_firmware import BoardFirmware
+    from optopad.fabrication.driver.link.ports import port_of_serial
+    from optopad.fabrication.driver.link.printers import require_no_printer
+    from optopad.fabrication.driver.sensor import PATIENCE_S
+    from optopad.fabrication.flash import (
         avr_chip,
         require_port,
         require_uploader,
@@ -100,7 +100,7 @@ def flash(
         upload,
         upload_command,
     )
-    from fabrication.sketch import firmware_settings
+    from optopad.fabrication.sketch import firmware_settings
     from optopad.sensor.firmware import board_setup, given_image, image_to_upload, write_firmware
 
     read = read_design(design, set_)
@@ -141,7 +141,7 @@ def flash(
 
 def _copy_image(chip: ArduinoProgram, image: Path, drive: str | None, *, is_dry: bool, as_json: bool) -> None:
     """Copy a UF2 file to the board's drive; `drive` is the folder of the drive, or None to find it."""
-    from fabrication.flash import boot_drive, copy_uf2, mounted_drives, require_uf2
+    from optopad.fabrication.flash import boot_drive, copy_uf2, mounted_drives, require_uf2
 
     require_uf2(chip, image)
     found = boot_drive(chip, mounted_drives() if drive is None else [Path(drive)])
@@ -169,7 +169,7 @@ def _found_port(board: BoardSetup, *, is_agreed: bool, may_ask: bool) -> str:
     A port that is identified only by a common serial chip needs the user's consent (`is_agreed`, or a question if
     `may_ask`).
     """
-    from fabrication.driver.link.ports import GUESSED, find_port, is_guess
+    from optopad.fabrication.driver.link.ports import GUESSED, find_port, is_guess
 
     found = find_port(board)
     if is_agreed or not is_guess(found, board):

@@ -38,10 +38,10 @@ INTERRUPTED = 130
 PATIENCE_S = 1.2
 """Time within which the main thread must respond to Ctrl-C [s]; then the process is ended or Ctrl-C sent again."""
 IMPORTING = "<frozen importlib._bootstrap>"
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[1]
 COMPUTING = tuple(f"{ROOT / room}{os.sep}" for room in ("sims", "cad", "design"))
 """Folders of code that Ctrl-C may end at any point: this code moves no stage, and replaces files only as a whole."""
-OURS = (*COMPUTING, f"{ROOT / 'optopad'}{os.sep}", f"{ROOT / 'fabrication'}{os.sep}")
+OURS = f"{ROOT}{os.sep}"
 WAITING = (
     os.path.join("concurrent", "futures", "thread.py"),
     os.path.join("concurrent", "futures", "_base.py"),
@@ -169,7 +169,7 @@ def _end_compiled() -> None:
         frame = frame.f_back
     if not computes:
         return
-    for module, clean in (("optopad.work", "end_started"), ("fabrication.bundle", "abandon")):
+    for module, clean in (("optopad.work", "end_started"), ("optopad.fabrication.bundle", "abandon")):
         if module in sys.modules:
             getattr(sys.modules[module], clean)()
     with suppress(OSError):

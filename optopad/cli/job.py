@@ -68,8 +68,8 @@ def report(
     """Check every file of a bundle against its manifest and show the path of the report."""
     import webbrowser
 
-    from design.errors import InputError
-    from fabrication.bundle import MANIFEST, altered_files, with_other_line_ends
+    from optopad.design.errors import InputError
+    from optopad.fabrication.bundle import MANIFEST, altered_files, with_other_line_ends
 
     page = bundle / "report.html"
     if not (bundle / MANIFEST).is_file() or not page.is_file():

@@ -82,7 +82,7 @@ def predict(
     as_json: options.Json = False,
 ) -> None:
     """Predict the errors of touch, location and depth: simulate a data collection, train models, evaluate them."""
-    from design.errors import InputError
+    from optopad.design.errors import InputError
 
     if quick and full:
         raise InputError("predict: --quick and --full contradict each other; give one of them")
@@ -143,7 +143,7 @@ def calibrate(
     as_json: options.Json = False,
 ) -> None:
     """Fit heights, LED size, reflectances, index and gains to presses of a built pad; writes its design and a model."""
-    from design.errors import InputError
+    from optopad.design.errors import InputError
     from optopad.jobs.calibration import calibrate as fit
     from optopad.jobs.calibration import earlier_model_note, write_calibration
 
@@ -214,7 +214,7 @@ def train(
     as_json: options.Json = False,
 ) -> None:
     """Train models that estimate touch, location and depth on simulated or recorded presses; one file per model."""
-    from design.errors import InputError
+    from optopad.design.errors import InputError
     from optopad.jobs.training import train_models
 
     if set_ and design is None:

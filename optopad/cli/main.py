@@ -81,14 +81,14 @@ def _outcome(arguments: list[str]) -> int:
         )
     gc.set_threshold(*COLLECTED_AFTER)
     if os.path.expanduser("~") == "~":  # libraries would fail during import
-        from sims.cache import NO_HOME
+        from optopad.sims.cache import NO_HOME
 
         os.environ["HOME"] = str(NO_HOME)
     import typer
     from typer.exceptions import TyperException
 
-    from design.errors import OptopadError, readable
     from optopad.cli.commands import whole_command
+    from optopad.design.errors import OptopadError, readable
 
     try:
         outcome = whole_command().main(arguments, prog_name="optopad", standalone_mode=False)

@@ -10,8 +10,8 @@ from typing import Annotated, Literal, TypeVar
 
 import typer
 
-from design.errors import InputError, OutputError
-from design.files import folder_fault, has_file_suffix, require_folder_name, require_suffix
+from optopad.design.errors import InputError, OutputError
+from optopad.design.files import folder_fault, has_file_suffix, require_folder_name, require_suffix
 
 Folder = TypeVar("Folder", Path, Path | None)
 LARGEST_SEED = 2**31 - 1

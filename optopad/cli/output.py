@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from design.errors import ModelScopeError
-from design.progress import OnStep
+from optopad.design.errors import ModelScopeError
+from optopad.design.progress import OnStep
 from optopad.screen.stages import STAGE_TITLES
-from sims.compiling import compiling_told
+from optopad.sims.compiling import compiling_told
 
 if TYPE_CHECKING:
-    from design.spec import SensorDesign
+    from optopad.design.spec import SensorDesign
 
 
 def tell(as_json: bool, document: Callable[[], dict[str, Any]], lines: Callable[[], Iterable[str]]) -> None:
@@ -55,9 +55,9 @@ def foretell_score(
     ------
     DesignError : the design breaks a rule; nothing is printed.
     """
-    from design.rules.check import require_valid
-    from sims.contact.indentation import require_covered
-    from sims.score.scoring import score_cost
+    from optopad.design.rules.check import require_valid
+    from optopad.sims.contact.indentation import require_covered
+    from optopad.sims.score.scoring import score_cost
 
     require_valid(design)
     if quiet:

@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from design.errors import InputError
 from optopad.cli import options
 from optopad.cli.output import tell
+from optopad.design.errors import InputError
 
 if TYPE_CHECKING:
-    from design.part_entry import LedSheet, PartEntry, PhotodiodeSheet
-    from design.parts.listing import Listed
-    from design.parts.photometry import Intensity
+    from optopad.design.part_entry import LedSheet, PartEntry, PhotodiodeSheet
+    from optopad.design.parts.listing import Listed
+    from optopad.design.parts.photometry import Intensity
 
 part = typer.Typer(
     name="part",
@@ -165,7 +165,7 @@ def new(
     as_json: options.Json = False,
 ) -> None:
     """Write the catalogue entry of an LED or a photodiode from its data sheet."""
-    from design.part_entry import part_entry
+    from optopad.design.part_entry import part_entry
 
     given: Given = {
         "kind": kind,
@@ -204,9 +204,9 @@ def new(
 
 
 def _require_identifier(name: str) -> None:
-    from design.fields.base import IDENTIFIER_PATTERN
-    from design.fields.validation import PATTERN_WORDS
-    from design.parts.catalog import packaged
+    from optopad.design.fields.base import IDENTIFIER_PATTERN
+    from optopad.design.fields.validation import PATTERN_WORDS
+    from optopad.design.parts.catalog import packaged
 
     if not re.fullmatch(IDENTIFIER_PATTERN, name):
         plain = re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")[:63] or "my-part"
@@ -257,7 +257,7 @@ def _is_missing(given: Given, name: str) -> bool:
 
 def _sheet(name: str, given: Given) -> LedSheet | PhotodiodeSheet:
     """The data sheet in the options; raises InputError."""
-    from design.part_entry import LedSheet, PhotodiodeSheet
+    from optopad.design.part_entry import LedSheet, PhotodiodeSheet
 
     if given["lens"] not in (None, "filed", "kept"):
         raise InputError(f"--lens: {given['lens']!r} is refused; give filed or kept")
@@ -319,7 +319,7 @@ def _half_angle_deg(given: Given) -> float:
 
 def _intensity(text: str) -> Intensity:
     """The intensity of an option such as 250mcd, 0.25cd or 12mW/sr; raises InputError."""
-    from design.parts.photometry import Intensity
+    from optopad.design.parts.photometry import Intensity
 
     found = re.fullmatch(_NUMBER + r"([^\d\s].*)?", text.strip())
     unit = (found.group(2) or "").strip().lower() if found else ""
@@ -359,9 +359,9 @@ def _write(entry: PartEntry, file: Path) -> None:
     ------
     InputError : the file is not a catalogue, or has a part of this name.
     """
-    from design.errors import DesignError
-    from design.io import catalog_file_entries, read_design_text, write_text_atomically
-    from design.toml_text import parsed_toml
+    from optopad.design.errors import DesignError
+    from optopad.design.io import catalog_file_entries, read_design_text, write_text_atomically
+    from optopad.design.toml_text import parsed_toml
 
     text = entry.text()
     parsed_toml(text)
@@ -407,8 +407,8 @@ def parts(
     """List the packaged catalogue: parts, silicones, plastics, boards and chips, with main figures and sources."""
     from dataclasses import asdict
 
-    from design.parts.catalog import packaged
-    from design.parts.listing import listed
+    from optopad.design.parts.catalog import packaged
+    from optopad.design.parts.listing import listed
 
     found = listed(packaged(), kind)
     tell(

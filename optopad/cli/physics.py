@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from design.errors import InputError
-from design.spec import SensorDesign
 from optopad.cli import options
 from optopad.cli.output import foretell_score, print_json, progress, say, tell
+from optopad.design.errors import InputError
+from optopad.design.spec import SensorDesign
 from optopad.work import is_recording, parsed_change, parsed_value, read_design
 
 if TYPE_CHECKING:
-    from design.spec import SensorDesign
+    from optopad.design.spec import SensorDesign
 
 DEFAULT_ORACLE_RAYS = 1_000_000
 
@@ -82,8 +82,8 @@ def _drawn_builds(tolerance: bool, builds: int | None) -> int | None:
         if builds is not None:
             raise InputError("--builds: needs --tolerance, whose units it counts; add it")
         return None
-    from sims.score.build_tolerance import DEFAULT_BUILDS
-    from sims.verdict.builds import FEWEST_BUILDS, MOST_BUILDS
+    from optopad.sims.score.build_tolerance import DEFAULT_BUILDS
+    from optopad.sims.verdict.builds import FEWEST_BUILDS, MOST_BUILDS
 
     drawn = DEFAULT_BUILDS if builds is None else builds
     if not FEWEST_BUILDS <= drawn <= MOST_BUILDS:
@@ -158,7 +158,7 @@ def _refuse_beside_protocol(**given: Any) -> None:
 def _simulate_protocol(
     design: SensorDesign, where: str, *, fit: bool, out: Path, seed: int, as_json: bool
 ) -> None:
-    from design.press_protocol import load_protocol_file
+    from optopad.design.press_protocol import load_protocol_file
     from optopad.jobs.recorded import data_lines, write_protocol_data
 
     protocol = load_protocol_file(where)
@@ -223,7 +223,7 @@ def parsed_sweep(text: str) -> tuple[str, list[Any]]:
     ------
     InputError : the text has another form, or the range is empty or infinite.
     """
-    from design.errors import InputError
+    from optopad.design.errors import InputError
 
     path, equals, span = text.partition("=")
     if not equals or not path or not span:
@@ -255,7 +255,7 @@ def _is_whole(text: str) -> bool:
 
 
 def _listed(span: str) -> list[Any]:
-    from design.errors import InputError
+    from optopad.design.errors import InputError
 
     texts = [text.strip() for text in span.split(",")]
     if not all(texts):
@@ -336,7 +336,7 @@ def _labels(what: list[str], names: list[str]) -> list[str]:
 
 
 def _refuse(given: object, message: str) -> None:
-    from design.errors import InputError
+    from optopad.design.errors import InputError
 
     if given:
         raise InputError(f"compare: {message}")
@@ -411,7 +411,7 @@ def rays(
     presses = tuple(options.parsed_press(text) for text in press or [])
     read = read_design(design, set_)
 
-    from design.shape.cavity import cavity_of
+    from optopad.design.shape.cavity import cavity_of
     from optopad.jobs.ray_view import (
         RayRequest,
         part_number,
@@ -491,8 +491,8 @@ def build(
     """Solve the library of presses again (two hours or more on two cores); an interrupted run continues."""
     import os
 
-    from sims.contact.library.build import build_library, require_writable, write_library
-    from sims.contact.library.profile_library import library_differences, shipped_library
+    from optopad.sims.contact.library.build import build_library, require_writable, write_library
+    from optopad.sims.contact.library.profile_library import library_differences, shipped_library
 
     require_writable(out)
 

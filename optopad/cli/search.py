@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from design.errors import InputError
-from design.spec import SensorDesign
 from optopad.cli import options
 from optopad.cli.output import print_json, progress, say
+from optopad.design.errors import InputError
+from optopad.design.spec import SensorDesign
 from optopad.work import parsed_change, read_design
 
 if TYPE_CHECKING:
-    from design.search.explore import Findings, OnTried
-    from design.search.improve import Tried
-    from design.search.space import SearchSpace
+    from optopad.design.search.explore import Findings, OnTried
+    from optopad.design.search.improve import Tried
+    from optopad.design.search.space import SearchSpace
     from optopad.results.shown import Search
 
 
@@ -82,8 +82,8 @@ def improve(
 
 def _text(where: str, design: SensorDesign, *, is_changed: bool) -> str | None:
     """Text of a design file; None if fields were changed (`is_changed`) or the design has parts of its own."""
-    from design.io import read_design_text
-    from design.preset import preset_text
+    from optopad.design.io import read_design_text
+    from optopad.design.preset import preset_text
 
     path = Path(where)
     if is_changed or any(design.catalog.model_dump().values()):
@@ -151,7 +151,7 @@ def explore(
 
 
 def _read(where: str, changes: list[str] | None, seed: int | None) -> SearchSpace:
-    from design.search.space import load_space, space_from
+    from optopad.design.search.space import load_space, space_from
 
     space = load_space(where)
     document = space.model_dump(mode="json")

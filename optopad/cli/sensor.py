@@ -15,28 +15,28 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar, cast
 
 import typer
 
-from design.errors import DeviceError, InputError, OutputError
 from optopad.cli import options
 from optopad.cli.interrupts import answered
 from optopad.cli.output import print_json, progress, say, tell
+from optopad.design.errors import DeviceError, InputError, OutputError
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from design.progress import OnStep
-    from fabrication.driver.recording.joined_log import JoinedLog
-    from fabrication.driver.recording.lerobot import Take
-    from fabrication.driver.recording.recorded import Recorded
-    from fabrication.driver.sensor import Sensor
-    from fabrication.driver.simulated.board import FakeBoard
-    from fabrication.driver.simulated.finger import Finger, FingerPath
-    from fabrication.driver.simulated.port import FakePort, Wire
-    from fabrication.driver.simulated.press_table import PressTable
-    from fabrication.driver.touch_reader import TouchReader
-    from fabrication.driver_file import DriverConfig
-    from fabrication.stage.fake_printer import FakePrinter
+    from optopad.design.progress import OnStep
+    from optopad.fabrication.driver.recording.joined_log import JoinedLog
+    from optopad.fabrication.driver.recording.lerobot import Take
+    from optopad.fabrication.driver.recording.recorded import Recorded
+    from optopad.fabrication.driver.sensor import Sensor
+    from optopad.fabrication.driver.simulated.board import FakeBoard
+    from optopad.fabrication.driver.simulated.finger import Finger, FingerPath
+    from optopad.fabrication.driver.simulated.port import FakePort, Wire
+    from optopad.fabrication.driver.simulated.press_table import PressTable
+    from optopad.fabrication.driver.touch_reader import TouchReader
+    from optopad.fabrication.driver_file import DriverConfig
+    from optopad.fabrication.stage.fake_printer import FakePrinter
     from optopad.sensor.driver_view import DriverSource
-    from sims.learning.inference.touch_model import TouchModel
+    from optopad.sims.learning.inference.touch_model import TouchModel
 
 Answer = TypeVar("Answer")
 LIVE_EVERY_S = 0.1
@@ -93,7 +93,7 @@ def read(
 ) -> None:
     """Show the sensor live: its signals, or touches by a model. Do not touch the pad for the first half second."""
     _refuse_without_model(model, drift_time=drift_time, guard=guard)
-    from fabrication.driver.sensor import BASELINE_S
+    from optopad.fabrication.driver.sensor import BASELINE_S
     from optopad.sensor.driver_view import driver_source, fitting_model, link_line
 
     source = driver_source(config, set_, bundles)
@@ -197,8 +197,8 @@ def check(
     as_json: options.Json = False,
 ) -> None:
     """Test every LED and photodiode of the untouched pad against the simulated pattern."""
-    from design.io import write_text_atomically
-    from fabrication.driver.check import check_frames
+    from optopad.design.io import write_text_atomically
+    from optopad.fabrication.driver.check import check_frames
     from optopad.sensor.driver_view import check_lines, driver_source, link_json, with_expected_pattern
 
     if out is not None:
@@ -238,7 +238,7 @@ def _sensor(
     *,
     baseline_s: float = 0.0,
 ) -> Sensor:
-    from fabrication.driver.sensor import Sensor
+    from optopad.fabrication.driver.sensor import Sensor
 
     return Sensor(
         config, port, rate_hz=rate, accept_digest=accept_digest, patience_s=patience, baseline_s=baseline_s
@@ -257,8 +257,8 @@ def _refuse_without_model(model: Path | None, **given: float | None) -> None:
 def _touch_reader(
     sensor: Sensor, model: TouchModel, drift_time: float | None, guard: float | None
 ) -> TouchReader:
-    from fabrication.driver.drift import GUARD_S, TIME_CONSTANT_S
-    from fabrication.driver.touch_reader import TouchReader
+    from optopad.fabrication.driver.drift import GUARD_S, TIME_CONSTANT_S
+    from optopad.fabrication.driver.touch_reader import TouchReader
 
     return TouchReader(
         sensor,
@@ -385,14 +385,14 @@ def _until_interrupted() -> Iterator[None]:
 
 
 def _default_file(source: DriverSource) -> Path:
-    from fabrication.driver.recording.raw import SUFFIX
+    from optopad.fabrication.driver.recording.raw import SUFFIX
 
     return Path(f"{source.config.design}-{time.strftime('%Y%m%d-%H%M%S')}{SUFFIX}")
 
 
 def _netcdf_beside(file: Path) -> Path | None:
     """Convert a complete recording to netCDF in the same folder; None if that fails or the file exists."""
-    from fabrication.driver.recording.export import can_export, read_recorded, write_netcdf
+    from optopad.fabrication.driver.recording.export import can_export, read_recorded, write_netcdf
 
     target = file.with_suffix(".nc")
     if not can_export() or target.exists():  # of another recording: not overwritten
@@ -447,10 +447,10 @@ def fake(
     as_json: options.Json = False,
 ) -> None:
     """Start a simulated board on a port, with simulated signals of a moving finger. Ctrl-C ends it."""
-    from fabrication.driver.simulated.board import FakeBoard
-    from fabrication.driver.simulated.faults import faults_of
-    from fabrication.driver.simulated.finger import read_path
-    from fabrication.stage.fake_printer import TipFinger
+    from optopad.fabrication.driver.simulated.board import FakeBoard
+    from optopad.fabrication.driver.simulated.faults import faults_of
+    from optopad.fabrication.driver.simulated.finger import read_path
+    from optopad.fabrication.stage.fake_printer import TipFinger
     from optopad.screen.verdict import as_typed
     from optopad.sensor.driver_view import driver_source, press_table
 
@@ -482,8 +482,8 @@ def fake(
 
 def _require_free_names(link: Path | None, stage_link: Path | None) -> None:
     """Raise an error if a port name is already in use; called before the light is simulated."""
-    from design.errors import InputError
-    from fabrication.driver.simulated.port import require_free
+    from optopad.design.errors import InputError
+    from optopad.fabrication.driver.simulated.port import require_free
 
     if link is not None:
         require_free(link)
@@ -498,8 +498,8 @@ def _require_free_names(link: Path | None, stage_link: Path | None) -> None:
 def _ports(
     printer: FakePrinter | None, *, use_socket: bool, link: Path | None, stage_link: Path | None
 ) -> tuple[Wire, FakePort | None]:
-    from design.errors import InputError
-    from fabrication.driver.simulated.port import FakePort, new_wire
+    from optopad.design.errors import InputError
+    from optopad.fabrication.driver.simulated.port import FakePort, new_wire
 
     wire = new_wire(use_socket=use_socket, link=link)
     try:
@@ -512,8 +512,8 @@ def _ports(
 def _printer(
     said: DriverConfig, table: PressTable, path: Path | None, out: Path | None, still: bool
 ) -> FakePrinter:
-    from design.errors import InputError
-    from fabrication.stage.fake_printer import FakePrinter
+    from optopad.design.errors import InputError
+    from optopad.fabrication.stage.fake_printer import FakePrinter
 
     if path is not None or still or out is not None or not table.knows_presses:
         reason = (
@@ -529,7 +529,7 @@ def _printer(
 def _path(
     said: DriverConfig, table: PressTable, path: Path | None, still: bool, out: Path | None
 ) -> FingerPath:
-    from design.io import write_text_atomically
+    from optopad.design.io import write_text_atomically
 
     finger = _finger(said, table, path, still)
     if out is not None:
@@ -538,8 +538,8 @@ def _path(
 
 
 def _finger(said: DriverConfig, table: PressTable, path: Path | None, still: bool) -> FingerPath:
-    from design.errors import InputError
-    from fabrication.driver.simulated.finger import NO_FINGER, demo_path, read_path
+    from optopad.design.errors import InputError
+    from optopad.fabrication.driver.simulated.finger import NO_FINGER, demo_path, read_path
 
     if path is not None and (still or not table.knows_presses):
         reason = (
@@ -554,7 +554,7 @@ def _finger(said: DriverConfig, table: PressTable, path: Path | None, still: boo
 
 
 def _serve(board: FakeBoard, wire: Wire, seconds: float | None) -> None:
-    from fabrication.driver.simulated.port import FakePort
+    from optopad.fabrication.driver.simulated.port import FakePort
 
     end = None if seconds is None else time.monotonic() + seconds
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # the link is removed, however it ends
@@ -626,11 +626,11 @@ def export(
     as_json: options.Json = False,
 ) -> None:
     """Export the whole frames of a recording: netCDF or CSV for `compare` and `train`, MCAP, or LeRobot."""
-    from fabrication.driver.recording.export import read_recorded, write_export
-    from fabrication.driver.recording.joined_log import joined
-    from fabrication.driver.recording.lerobot import Source, write_episodes
-    from fabrication.driver.recording.position_log import read_position_log
-    from fabrication.driver.simulated.finger import read_path
+    from optopad.fabrication.driver.recording.export import read_recorded, write_export
+    from optopad.fabrication.driver.recording.joined_log import joined
+    from optopad.fabrication.driver.recording.lerobot import Source, write_episodes
+    from optopad.fabrication.driver.recording.position_log import read_position_log
+    from optopad.fabrication.driver.simulated.finger import read_path
 
     target = lerobot or out or options.named(recordings[0]).with_suffix(".nc")
     tasks = _tasks_of(recordings, task)
@@ -772,7 +772,7 @@ def ros2(
     as_json: options.Json = False,
 ) -> None:
     """Write the ROS 2 packages of a sensor's node and its messages into a workspace."""
-    from fabrication.ros2.workspace import write_packages
+    from optopad.fabrication.ros2.workspace import write_packages
 
     made = write_packages(out)
     if as_json:

@@ -9,27 +9,27 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from design.arrays import FloatArray
-from design.errors import InputError
-from design.file_sets import written_together
-from design.io import save_design, write_text_atomically
-from design.netcdf_file import read_netcdf
-from design.progress import OnStep
-from design.spec import SensorDesign
-from fabrication.driver.recording.force_log import ForceLog, read_force_log
-from fabrication.driver.recording.joined_log import Offset, measured_s
-from fabrication.driver.recording.recorded import require_rising
+from optopad.design.arrays import FloatArray
+from optopad.design.errors import InputError
+from optopad.design.file_sets import written_together
+from optopad.design.io import save_design, write_text_atomically
+from optopad.design.netcdf_file import read_netcdf
+from optopad.design.progress import OnStep
+from optopad.design.spec import SensorDesign
+from optopad.fabrication.driver.recording.force_log import ForceLog, read_force_log
+from optopad.fabrication.driver.recording.joined_log import Offset, measured_s
+from optopad.fabrication.driver.recording.recorded import require_rising
 from optopad.jobs.force_clock import force_clock
+from optopad.sims.learning.calibration import Calibration, CalibrationReport, calibrated, report_of
+from optopad.sims.learning.force_checks import require_motion
+from optopad.sims.learning.force_fit import ForceFit, fit_force
+from optopad.sims.learning.inference.model_file import save_model
+from optopad.sims.learning.inference.signal_map import SignalMapModel
+from optopad.sims.learning.map_learner import fit_signal_map, map_header, mapped
+from optopad.sims.learning.press_force import TipPath
+from optopad.sims.readings.dataset import read_data, require_design
+from optopad.sims.readings.press_data import PressData, data_notes
 from optopad.work import as_netcdf
-from sims.learning.calibration import Calibration, CalibrationReport, calibrated, report_of
-from sims.learning.force_checks import require_motion
-from sims.learning.force_fit import ForceFit, fit_force
-from sims.learning.inference.model_file import save_model
-from sims.learning.inference.signal_map import SignalMapModel
-from sims.learning.map_learner import fit_signal_map, map_header, mapped
-from sims.learning.press_force import TipPath
-from sims.readings.dataset import read_data, require_design
-from sims.readings.press_data import PressData, data_notes
 
 if TYPE_CHECKING:
     import xarray as xr

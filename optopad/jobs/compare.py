@@ -2,10 +2,10 @@
 
 Each design is scored with two seeds of the light model. The figure from the first seed is reported. Its uncertainty is
 its own numerical error, or for figures of the verdict the difference from the second seed's figure if that is larger.
-Depths have at least the error of the depth step (0.04 mm at a boundary between modes, `sims.press`). A winner is marked
-only if it is better than every other design by more than the sum of both uncertainties. Effects outside the models are
-assumed equal for all designs, and are not part of the uncertainty. Figures of single pairs have no winner, because a
-pad is judged by all pairs together.
+Depths have at least the error of the depth step (0.04 mm at a boundary between modes, `optopad.sims.press`). A winner
+is marked only if it is better than every other design by more than the sum of both uncertainties. Effects outside the
+models are assumed equal for all designs, and are not part of the uncertainty. Figures of single pairs have no winner,
+because a pad is judged by all pairs together.
 """
 
 from __future__ import annotations
@@ -17,19 +17,19 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from design.errors import InputError
-from design.fields.base import leaves
-from design.io import write_text_atomically
-from design.progress import OnStep
-from design.rules.check import require_valid
-from design.spec import SensorDesign
-from fabrication.bundle import bundle, bundle_name
+from optopad.design.errors import InputError
+from optopad.design.fields.base import leaves
+from optopad.design.io import write_text_atomically
+from optopad.design.progress import OnStep
+from optopad.design.rules.check import require_valid
+from optopad.design.spec import SensorDesign
+from optopad.fabrication.bundle import bundle, bundle_name
 from optopad.results.comparison import NAMES, Comparison, Measure
 from optopad.results.figures import Better, FigureCell, PadFigures, figures_of
-from sims.score.sweep import sweep_row
+from optopad.sims.score.sweep import sweep_row
 
 if TYPE_CHECKING:
-    from sims.score.result import ContinuityScore
+    from optopad.sims.score.result import ContinuityScore
 
 MOST_DESIGNS = 12
 ABSENT = "(absent)"
@@ -141,7 +141,7 @@ def _winner(better: Better, values: tuple[float | None, ...], spread: tuple[floa
 
 
 def _judged(design: SensorDesign, *, fine: bool, seed: int, verdict_only: bool) -> ContinuityScore:
-    from sims.score.scoring import score
+    from optopad.sims.score.scoring import score
 
     return score(design, fine=fine, seed=seed, verdict_only=verdict_only, tolerance=False)
 
@@ -165,8 +165,8 @@ def _require_comparable(designs: Sequence[SensorDesign], labels: Sequence[str]) 
 def _write(design: SensorDesign, out: Path, found: Comparison, seed: int) -> None:
     from optopad.plot_files import write_plot
     from optopad.report.before_after import compare_html
-    from sims.plots.style import plain_style, svg_text
-    from sims.plots.sweep import plot_sweep
+    from optopad.sims.plots.style import plain_style, svg_text
+    from optopad.sims.plots.sweep import plot_sweep
 
     with bundle(design, out, seed=seed) as folder:
         (folder / "sims").mkdir(exist_ok=True)

@@ -7,21 +7,21 @@ from pathlib import Path
 
 import numpy as np
 
-from design.arrays import FloatArray
-from design.errors import InputError
-from design.progress import OnStep
-from design.shape.cavity import workspace_of
-from design.shape.outline import Outline, rectangle
-from design.spec import SensorDesign
+from optopad.design.arrays import FloatArray
+from optopad.design.errors import InputError
+from optopad.design.progress import OnStep
+from optopad.design.shape.cavity import workspace_of
+from optopad.design.shape.outline import Outline, rectangle
+from optopad.design.spec import SensorDesign
 from optopad.results.prediction import ModelAccuracy, PredictedAccuracy, accuracy_of
+from optopad.sims.learning.inference.header import require_design as require_model_of
+from optopad.sims.learning.inference.model_file import load_model
+from optopad.sims.learning.inference.touch_model import TouchModel
+from optopad.sims.learning.tables import judged, needed_samples, published_touch
+from optopad.sims.plots.accuracy import shown_places_mm
+from optopad.sims.readings.dataset import read_data, require_design
+from optopad.sims.readings.press_data import PressData, data_notes
 from optopad.work import as_netcdf
-from sims.learning.inference.header import require_design as require_model_of
-from sims.learning.inference.model_file import load_model
-from sims.learning.inference.touch_model import TouchModel
-from sims.learning.tables import judged, needed_samples, published_touch
-from sims.plots.accuracy import shown_places_mm
-from sims.readings.dataset import read_data, require_design
-from sims.readings.press_data import PressData, data_notes
 
 FEWEST_SAMPLES = 10
 

@@ -24,14 +24,14 @@ from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
-from design.errors import InputError
-from design.files import own_folder, unwritable
-from design.io import dump_design, write_text_atomically
-from design.search.explore import Findings, OnTried, Refine, explore
-from design.search.figures import FIGURES
-from design.search.importance import importances
-from design.search.improve import FanOut, Tried, one_by_one
-from design.search.space import SearchSpace, Value
+from optopad.design.errors import InputError
+from optopad.design.files import own_folder, unwritable
+from optopad.design.io import dump_design, write_text_atomically
+from optopad.design.search.explore import Findings, OnTried, Refine, explore
+from optopad.design.search.figures import FIGURES
+from optopad.design.search.importance import importances
+from optopad.design.search.improve import FanOut, Tried, one_by_one
+from optopad.design.search.space import SearchSpace, Value
 from optopad.results.figures import figures_of
 from optopad.results.shown import Search
 
@@ -73,8 +73,8 @@ def search(
     InputError, DesignError, OutputError : the input is invalid, or files cannot be written; finished designs are
         stored.
     """
-    from design.shape.cavity import cavity_of
-    from sims.score.objective import judge, price_of
+    from optopad.design.shape.cavity import cavity_of
+    from optopad.sims.score.objective import judge, price_of
 
     if any(objective.figure == "cost" for objective in space.objectives):
         price_of(cavity_of(space.base))  # refuses before the folder is made
@@ -105,8 +105,8 @@ def figures_wanted(space: SearchSpace) -> tuple[str, ...]:
 
     The usable depth is left out if no other figure needs the map of a pad, because the map takes most of the time.
     """
-    from design.shape.cavity import cavity_of, is_facing_rows
-    from sims.score.objective import MAP_FIGURES
+    from optopad.design.shape.cavity import cavity_of, is_facing_rows
+    from optopad.sims.score.objective import MAP_FIGURES
 
     objectives = tuple(objective.figure for objective in space.objectives)
     needed = {*objectives, *(constraint.figure for constraint in space.constraints)}
@@ -133,7 +133,7 @@ def _further_places(folder: Path, wanted: Sequence[tuple[float, float]]) -> tupl
 def write_search(folder: Path, found: Findings, importance: dict[str, dict[str, float]]) -> Search:
     """Write tables, designs, picture and page of a search into its folder."""
     from optopad.report.search import search_page
-    from sims.plots.front import front_svg
+    from optopad.sims.plots.front import front_svg
 
     files = _write_designs(folder / "designs", found)
     result = Search(folder=folder, findings=found, files=files, importance=importance)

@@ -3,8 +3,8 @@
 A touch in the log is where the force is above its baseline. The baseline follows the tare's drift: it is the opening of
 the force (a running least value, then a running largest one) over a time longer than any press. The baseline and the
 threshold shift begin and end of a touch by some tens of milliseconds, and by more if the tip retracts at another speed
-than it approaches. So this match is only the first estimate: `sims.learning.force_fit` fits offset and rate with the
-force.
+than it approaches. So this match is only the first estimate: `optopad.sims.learning.force_fit` fits offset and rate
+with the force.
 
 If the clocks run at different rates, the match is tried at rates up to `LARGEST_RATE`, and a straight line through the
 lags of all begins and ends gives the rate. Left out: clocks that are set during the recording.
@@ -16,9 +16,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from design.arrays import FloatArray
-from design.errors import InputError
-from fabrication.driver.recording.clock_match import (
+from optopad.design.arrays import FloatArray
+from optopad.design.errors import InputError
+from optopad.fabrication.driver.recording.clock_match import (
     OUT_OF_STEP_S,
     WINDOW_S,
     ClockMatch,
@@ -26,9 +26,9 @@ from fabrication.driver.recording.clock_match import (
     found_offset,
     match_at,
 )
-from fabrication.driver.recording.force_log import ForceLog
-from fabrication.driver.recording.joined_log import Offset
-from sims.learning.press_force import TipPath
+from optopad.fabrication.driver.recording.force_log import ForceLog
+from optopad.fabrication.driver.recording.joined_log import Offset
+from optopad.sims.learning.press_force import TipPath
 
 TOUCHED_SHARE, TOUCHED_SIGMAS = 0.02, 8.0
 """A touch is above this share of the largest force, and above this many standard deviations of the noise [-]."""

@@ -15,8 +15,8 @@ figures that are shown are those of the score. If no design is better, the best 
 The error of quick light mostly has the same sign for similar designs. The median by which quick light overrates the
 margin in the scored designs is therefore subtracted for the others; near a scored design, its own difference.
 
-The budget is counted in processor time as it usually is (`sims.score.scoring.score_cost`), not as it was measured: the
-same seed gives the same designs on every machine.
+The budget is counted in processor time as it usually is (`optopad.sims.score.scoring.score_cost`), not as it was
+measured: the same seed gives the same designs on every machine.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from design.errors import InputError, ModelScopeError
-from design.fields.base import get_at, known_paths, set_at
-from design.io import dump_design, load_design, write_text_atomically
-from design.progress import OnStep, silent
-from design.rules.check import require_valid
-from design.search.explore import Findings, OnTried
-from design.search.improve import (
+from optopad.design.errors import InputError, ModelScopeError
+from optopad.design.fields.base import get_at, known_paths, set_at
+from optopad.design.io import dump_design, load_design, write_text_atomically
+from optopad.design.progress import OnStep, silent
+from optopad.design.rules.check import require_valid
+from optopad.design.search.explore import Findings, OnTried
+from optopad.design.search.improve import (
     AIMS,
     KINDS,
     LOCATION,
@@ -57,25 +57,38 @@ from design.search.improve import (
     usable_of,
     worth,
 )
-from design.search.points import MOST_A_ROUND, MOVES, first_points, gain_points, refinements, spread_points
-from design.search.space import SearchSpace, Value
-from design.shape.cavity import cavity_of, is_facing_rows, mask_of, plan_of
-from design.spec import SensorDesign
-from design.spec.cheap_fields import CLEAR, HEIGHTS, TARGET
+from optopad.design.search.points import (
+    MOST_A_ROUND,
+    MOVES,
+    first_points,
+    gain_points,
+    refinements,
+    spread_points,
+)
+from optopad.design.search.space import SearchSpace, Value
+from optopad.design.shape.cavity import cavity_of, is_facing_rows, mask_of, plan_of
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.cheap_fields import CLEAR, HEIGHTS, TARGET
 from optopad.jobs.exploration import search
 from optopad.jobs.smallest_mold import least_rim, smallest_mold
 from optopad.report.search import search_page
 from optopad.results.improvement import Alternative, Improvement, Nearest
 from optopad.results.score import Score
 from optopad.results.shown import Search
-from sims.readings.readout import most_target_counts
-from sims.score.build_tolerance import with_tolerance
-from sims.score.field_steps import with_field_steps
-from sims.score.judge import Judge
-from sims.score.objective import bodies_above_surface_mm, detection_force_n, judge, sizes_of, with_bounds
-from sims.score.result import ContinuityScore
-from sims.score.scoring import score_cost, verdict_of
-from sims.verdict.depth_curve import DEADBAND_THRESHOLD
+from optopad.sims.readings.readout import most_target_counts
+from optopad.sims.score.build_tolerance import with_tolerance
+from optopad.sims.score.field_steps import with_field_steps
+from optopad.sims.score.judge import Judge
+from optopad.sims.score.objective import (
+    bodies_above_surface_mm,
+    detection_force_n,
+    judge,
+    sizes_of,
+    with_bounds,
+)
+from optopad.sims.score.result import ContinuityScore
+from optopad.sims.score.scoring import score_cost, verdict_of
+from optopad.sims.verdict.depth_curve import DEADBAND_THRESHOLD
 
 Light = tuple[tuple[str, Value], ...]
 BOUND_AIMS, SIZE_AIMS = ("location", "contact"), ("size", "flush")

@@ -14,22 +14,22 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from design.errors import InputError, OutputError
-from design.io import save_design, write_text_atomically
-from design.parts.assumptions import Bed
-from design.progress import OnStep
-from design.rules.check import require_valid
-from design.spec import SensorDesign
-from fabrication.bundle import bundle, bundle_name
+from optopad.design.errors import InputError, OutputError
+from optopad.design.io import save_design, write_text_atomically
+from optopad.design.parts.assumptions import Bed
+from optopad.design.progress import OnStep
+from optopad.design.rules.check import require_valid
+from optopad.design.spec import SensorDesign
+from optopad.fabrication.bundle import bundle, bundle_name
 from optopad.work import FinishedWork, started
 
 if TYPE_CHECKING:
-    from fabrication.gain import SimulatedGain
-    from fabrication.sheets.bom import BomRow
-    from fabrication.sheets.prices import Price, PriceKey
+    from optopad.fabrication.gain import SimulatedGain
+    from optopad.fabrication.sheets.bom import BomRow
+    from optopad.fabrication.sheets.prices import Price, PriceKey
     from optopad.report.sections.early import EarlyDrawings
     from optopad.results.score import Bundle
-    from sims.score.result import ContinuityScore
+    from optopad.sims.score.result import ContinuityScore
 
 REFUSED = 2
 """Exit code of the mold's process if it refused the work with a message for the user."""
@@ -76,7 +76,7 @@ def write_parts(
     bed_mm : build volume of the printer, for the checks [mm]; None for the default one
     slice_parts : whether to run PrusaSlicer for time, filament and warnings
     """
-    from cad.export import export_parts
+    from optopad.cad.export import export_parts
 
     require_valid(design)
     on_step("mold", 0.0)
@@ -162,8 +162,8 @@ def write_driver_config(
     -------
     The bundle's folder, and the rows of the bill of materials.
     """
-    from fabrication.sheets.bom import bom_rows
-    from fabrication.sheets.prices import priced
+    from optopad.fabrication.sheets.bom import bom_rows
+    from optopad.fabrication.sheets.prices import priced
 
     require_valid(design)
     with bundle(design, out, seed=seed) as folder:
@@ -177,7 +177,7 @@ def write_driver_config(
 def _mold_beside(design: SensorDesign, folder: Path) -> Iterator[subprocess.Popen[str]]:
     (folder / "cad").mkdir(exist_ok=True)
     save_design(design, folder / "design.toml")
-    process = started(["-m", "cad", str(folder / "design.toml"), str(folder / "cad")])
+    process = started(["-m", "optopad.cad", str(folder / "design.toml"), str(folder / "cad")])
     try:
         yield process
     finally:
@@ -240,11 +240,11 @@ def _scored(
 
     Files that do not depend on the tolerances are written while the effect of tolerances is computed.
     """
+    from optopad.sims.score.build_tolerance import with_tolerance
+    from optopad.sims.score.field_steps import with_field_steps
+    from optopad.sims.score.scoring import score as judge
+    from optopad.sims.score.trials import with_trial
     from optopad.work import beside
-    from sims.score.build_tolerance import with_tolerance
-    from sims.score.field_steps import with_field_steps
-    from sims.score.scoring import score as judge
-    from sims.score.trials import with_trial
 
     sims = folder / "sims"
     sims.mkdir(exist_ok=True)
@@ -267,11 +267,11 @@ def _scored(
 def _without_tolerance(
     design: SensorDesign, score: ContinuityScore, sims: Path, seed: int, *, with_page: bool
 ) -> EarlyDrawings | None:
-    from design.shape.cavity import cavity_of
+    from optopad.design.shape.cavity import cavity_of
     from optopad.plot_files import write_bound_plots
     from optopad.report.sections.early import early_drawings
-    from sims.readings.readout import save_dataset, signals_dataset
-    from sims.score.maps_file import maps_dataset
+    from optopad.sims.readings.readout import save_dataset, signals_dataset
+    from optopad.sims.score.maps_file import maps_dataset
 
     if score.pad_signals is not None and score.readout is not None:
         gain = score.readout.counts_per_flux
@@ -287,7 +287,7 @@ def _without_tolerance(
 def _with_builds(
     design: SensorDesign, score: ContinuityScore, study: _Study, *, seed: int, on_step: OnStep
 ) -> ContinuityScore:
-    from sims.score.build_tolerance import with_builds
+    from optopad.sims.score.build_tolerance import with_builds
 
     return with_builds(design, score, builds=study.builds, seed=seed, memo=study.memo, on_step=on_step)
 
@@ -296,15 +296,15 @@ def _write_builds(score: ContinuityScore, sims: Path) -> None:
     if score.builds is None or score.tolerance is None:
         return
     from optopad.plot_files import write_plot
-    from sims.plots.builds import plot_builds
-    from sims.plots.style import plain_style
+    from optopad.sims.plots.builds import plot_builds
+    from optopad.sims.plots.style import plain_style
 
     with plain_style():
         write_plot(plot_builds(score.builds, score.tolerance), sims / "builds")
 
 
 def _gain_of(score: ContinuityScore) -> SimulatedGain | None:
-    from fabrication.gain import SimulatedGain
+    from optopad.fabrication.gain import SimulatedGain
 
     if score.readout is None or score.untouched_flux is None:
         return None
@@ -315,7 +315,7 @@ def _gain_of(score: ContinuityScore) -> SimulatedGain | None:
 
 
 def _known_gain(folder: Path) -> SimulatedGain | None:
-    from fabrication.gain import gain_of
+    from optopad.fabrication.gain import gain_of
 
     score = folder / "sims" / "score.json"
     if not score.is_file():
@@ -329,8 +329,8 @@ def _known_gain(folder: Path) -> SimulatedGain | None:
 def _write_fabrication(
     design: SensorDesign, folder: Path, gain: SimulatedGain | None, rows: Sequence[BomRow] | None = None
 ) -> None:
-    from fabrication.sheets.all_sheets import write_sheets
-    from fabrication.sketch import firmware_gaps, write_sketch
+    from optopad.fabrication.sheets.all_sheets import write_sheets
+    from optopad.fabrication.sketch import firmware_gaps, write_sketch
 
     (folder / "fabrication").mkdir(exist_ok=True)
     write_sheets(design, folder / "fabrication", gain, rows)

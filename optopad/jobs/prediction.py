@@ -17,35 +17,35 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from design.errors import InputError
-from design.file_sets import written_together
-from design.io import write_text_atomically
-from design.press_protocol import PressProtocol, load_protocol_file
-from design.progress import OnStep
-from design.rules.check import require_valid
-from design.shape.cavity import workspace_of
-from design.shape.outline import Outline
-from design.spec import SensorDesign
-from fabrication.bundle import bundle, bundle_name
+from optopad.design.errors import InputError
+from optopad.design.file_sets import written_together
+from optopad.design.io import write_text_atomically
+from optopad.design.press_protocol import PressProtocol, load_protocol_file
+from optopad.design.progress import OnStep
+from optopad.design.rules.check import require_valid
+from optopad.design.shape.cavity import workspace_of
+from optopad.design.shape.outline import Outline
+from optopad.design.spec import SensorDesign
+from optopad.fabrication.bundle import bundle, bundle_name
 from optopad.jobs.evaluation import accuracies
 from optopad.plot_files import write_plot
 from optopad.prediction_cost import QUICK_PROTOCOL, STEM
 from optopad.report.accuracy import accuracy_page
 from optopad.report.sections.drawings import Drawing
 from optopad.results.prediction import ModelAccuracy, PredictedAccuracy, accuracy_of
-from sims.learning.chain_bounds import bounds_by_depth
-from sims.learning.inference.model_file import save_model
-from sims.learning.inference.signal_map import KIND as SIGNAL_MAP
-from sims.learning.inference.touch_model import TouchModel
-from sims.learning.learners import LEARNERS, Learner
-from sims.learning.map_learner import chain_noise, signal_map_learner
-from sims.learning.settings import EFFORTS
-from sims.learning.tables import ERROR_DEPTHS_MM, published_touch
-from sims.plots.accuracy import plot_arrows, plot_depths, plot_errors, plot_touch, shown_places_mm
-from sims.plots.style import plain_style
-from sims.readings.press_data import clipped_note
-from sims.readings.protocol import ProtocolCurves, draw, protocol_curves
-from sims.readings.signal_chain import chain_of
+from optopad.sims.learning.chain_bounds import bounds_by_depth
+from optopad.sims.learning.inference.model_file import save_model
+from optopad.sims.learning.inference.signal_map import KIND as SIGNAL_MAP
+from optopad.sims.learning.inference.touch_model import TouchModel
+from optopad.sims.learning.learners import LEARNERS, Learner
+from optopad.sims.learning.map_learner import chain_noise, signal_map_learner
+from optopad.sims.learning.settings import EFFORTS
+from optopad.sims.learning.tables import ERROR_DEPTHS_MM, published_touch
+from optopad.sims.plots.accuracy import plot_arrows, plot_depths, plot_errors, plot_touch, shown_places_mm
+from optopad.sims.plots.style import plain_style
+from optopad.sims.readings.press_data import clipped_note
+from optopad.sims.readings.protocol import ProtocolCurves, draw, protocol_curves
+from optopad.sims.readings.signal_chain import chain_of
 
 
 def write_accuracy(found: PredictedAccuracy, workspace: Outline, folder: Path, stem: str) -> tuple[Path, ...]:

@@ -9,23 +9,23 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from design.arrays import FloatArray
-from design.errors import InputError
-from design.fields.quantity import Quantity
-from design.press_protocol import LoadProtocol, load_protocol
-from design.rules.check import require_valid
-from design.spec import SensorDesign
-from design.spec.properties import modulus
-from fabrication.bundle import bundle, bundle_name
+from optopad.design.arrays import FloatArray
+from optopad.design.errors import InputError
+from optopad.design.fields.quantity import Quantity
+from optopad.design.press_protocol import LoadProtocol, load_protocol
+from optopad.design.rules.check import require_valid
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.properties import modulus
+from optopad.fabrication.bundle import bundle, bundle_name
 from optopad.report.sections.published import LoadComparison, compared, published_load
-from sims.contact.force_curve import ForceCurve, force_curve
-from sims.contact.indentation import indent, solved_press
-from sims.contact.load_protocol import LoadHistory, load_history, solid_of
-from sims.contact.pad_surface import contact_notes
-from sims.contact.pressure import ContactPressure, contact_pressure
-from sims.contact.scope import mean_crown, require_depth
-from sims.contact.tip import tip_of
-from sims.press import Indentation, depth_schedule_mm
+from optopad.sims.contact.force_curve import ForceCurve, force_curve
+from optopad.sims.contact.indentation import indent, solved_press
+from optopad.sims.contact.load_protocol import LoadHistory, load_history, solid_of
+from optopad.sims.contact.pad_surface import contact_notes
+from optopad.sims.contact.pressure import ContactPressure, contact_pressure
+from optopad.sims.contact.scope import mean_crown, require_depth
+from optopad.sims.contact.tip import tip_of
+from optopad.sims.press import Indentation, depth_schedule_mm
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -259,7 +259,7 @@ def _protocol_json(driven: ProtocolView) -> dict[str, Any]:
 
 def view_plots(view: PressView) -> dict[str, Axes]:
     """Pictures of the press by name; drawing and exporting must be inside the context `plain_style`."""
-    from sims.plots.contact import (
+    from optopad.sims.plots.contact import (
         plot_force,
         plot_force_near,
         plot_load_over_time,
@@ -298,7 +298,7 @@ def write_pictures(view: PressView, out: Path, *, seed: int) -> list[Path]:
     OutputError : the folder cannot be written; an earlier bundle is intact
     """
     from optopad.plot_files import write_plot
-    from sims.plots.style import plain_style
+    from optopad.sims.plots.style import plain_style
 
     require_valid(view.design)
     names = []

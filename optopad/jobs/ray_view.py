@@ -11,19 +11,19 @@ from typing import Any
 
 import numpy as np
 
-from design.errors import InputError
-from design.progress import OnStep
-from design.rules.check import require_valid
-from design.shape.cavity import CavityGeometry, PlacedPart, cavity_of, chord_midpoint_mm, pair_name
-from design.spec import SensorDesign
-from fabrication.bundle import bundle, bundle_name
+from optopad.design.errors import InputError
+from optopad.design.progress import OnStep
+from optopad.design.rules.check import require_valid
+from optopad.design.shape.cavity import CavityGeometry, PlacedPart, cavity_of, chord_midpoint_mm, pair_name
+from optopad.design.spec import SensorDesign
+from optopad.fabrication.bundle import bundle, bundle_name
 from optopad.jobs.signals import require_presses
-from sims.contact.indentation import solved_press
-from sims.optics.oracle.paths import LightPath
-from sims.plots.ray_sheet import ray_sheet
-from sims.plots.rays import Cut, cut_across, cut_of_pair, cut_through
-from sims.plots.style import plain_style
-from sims.rays import KINDS, LOST, Pair, Press, RayChoice, RayState, kind_of, ray_states
+from optopad.sims.contact.indentation import solved_press
+from optopad.sims.optics.oracle.paths import LightPath
+from optopad.sims.plots.ray_sheet import ray_sheet
+from optopad.sims.plots.rays import Cut, cut_across, cut_of_pair, cut_through
+from optopad.sims.plots.style import plain_style
+from optopad.sims.rays import KINDS, LOST, Pair, Press, RayChoice, RayState, kind_of, ray_states
 
 PREFIX = "rays"
 DEFAULT_DEPTHS = (0.2, 0.4, 0.8)
@@ -315,7 +315,7 @@ def write_pictures(view: RayView, out: Path) -> list[Path]:
     ------
     OutputError : the folder cannot be written; an earlier bundle is intact
     """
-    from design.io import write_text_atomically
+    from optopad.design.io import write_text_atomically
     from optopad.plot_files import write_plot
 
     stem = f"{PREFIX}-{view.name}"

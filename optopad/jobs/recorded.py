@@ -14,16 +14,16 @@ from typing import Any
 
 import numpy as np
 
-from design.errors import InputError
-from design.io import write_text_atomically
-from design.press_protocol import PressProtocol
-from design.progress import OnStep
-from design.rules.check import require_valid
-from design.spec import SensorDesign
-from fabrication.bundle import bundle, bundle_name
+from optopad.design.errors import InputError
+from optopad.design.io import write_text_atomically
+from optopad.design.press_protocol import PressProtocol
+from optopad.design.progress import OnStep
+from optopad.design.rules.check import require_valid
+from optopad.design.spec import SensorDesign
+from optopad.fabrication.bundle import bundle, bundle_name
+from optopad.sims.learning.recorded_press import RecordedPair, RecordedPress, recorded_press
+from optopad.sims.readings.recording import read_recording
 from optopad.work import as_netcdf, source_digest
-from sims.learning.recorded_press import RecordedPair, RecordedPress, recorded_press
-from sims.readings.recording import read_recording
 
 
 def data_file_name(protocol: PressProtocol, seed: int) -> str:
@@ -44,10 +44,10 @@ def write_protocol_data(
     ModelScopeError : a press of the protocol is outside the design's workspace, or too deep.
     OutputError : the folder cannot be written; an earlier bundle is intact.
     """
-    from sims.readings.data_writer import DataWriter
-    from sims.readings.dataset import clipped_note, read_data
-    from sims.readings.protocol import data_header, drawn_presses, protocol_curves
-    from sims.readings.signal_chain import chain_of
+    from optopad.sims.readings.data_writer import DataWriter
+    from optopad.sims.readings.dataset import clipped_note, read_data
+    from optopad.sims.readings.protocol import data_header, drawn_presses, protocol_curves
+    from optopad.sims.readings.signal_chain import chain_of
 
     require_valid(design)
     counted = protocol.summary(design)
@@ -150,8 +150,8 @@ def compare_recording(
     DesignError, InputError : the design, the recording, a pair or the location is invalid; nothing is written.
     """
     from optopad.plot_files import write_plot
-    from sims.plots.signal import plot_recorded
-    from sims.plots.style import plain_style
+    from optopad.sims.plots.signal import plot_recorded
+    from optopad.sims.plots.style import plain_style
 
     require_valid(design)
     with as_netcdf(file, topic, press_topic) as netcdf:

@@ -7,17 +7,17 @@ from typing import Any
 
 import numpy as np
 
-from design.arrays import FloatArray
-from design.errors import InputError, ModelScopeError
-from design.progress import OnStep
-from design.shape.cavity import CavityGeometry, cavity_of, direct_path_pairs
-from design.spec import SensorDesign
-from sims.contact.indentation import solved_press
-from sims.contact.scope import require_depth
-from sims.optics.light_signals import LightSignals
-from sims.optics.tracing import trace
-from sims.press import depth_schedule_mm
-from sims.readings.readout import save_dataset, signals_dataset
+from optopad.design.arrays import FloatArray
+from optopad.design.errors import InputError, ModelScopeError
+from optopad.design.progress import OnStep
+from optopad.design.shape.cavity import CavityGeometry, cavity_of, direct_path_pairs
+from optopad.design.spec import SensorDesign
+from optopad.sims.contact.indentation import solved_press
+from optopad.sims.contact.scope import require_depth
+from optopad.sims.optics.light_signals import LightSignals
+from optopad.sims.optics.tracing import trace
+from optopad.sims.press import depth_schedule_mm
+from optopad.sims.readings.readout import save_dataset, signals_dataset
 
 ORACLE_DEPTHS_MM = (0.0, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0)
 """Depths of the default presses if the ray tracer is used [mm]; few, because it needs seconds per press."""
@@ -91,9 +91,9 @@ def _default_presses(design: SensorDesign, cavity: CavityGeometry, few: bool) ->
 
 
 def _oracle(design: SensorDesign, states: FloatArray, rays: int, seed: int, on_step: OnStep) -> LightSignals:
-    from sims.optics.oracle.tracer import CLASSES, trace_oracle
-    from sims.optics.scene.lower import scene_of
-    from sims.optics.tracing import pressed_tops
+    from optopad.sims.optics.oracle.tracer import CLASSES, trace_oracle
+    from optopad.sims.optics.scene.lower import scene_of
+    from optopad.sims.optics.tracing import pressed_tops
 
     tops = pressed_tops(design, states, by_symmetry=False)
     found = trace_oracle(

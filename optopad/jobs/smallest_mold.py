@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 
-from design.errors import DesignError
-from design.fields.base import get_at, leaves
-from design.rules.check import check
-from design.spec import SensorDesign
-from sims.score.objective import bodies_above_surface_mm
+from optopad.design.errors import DesignError
+from optopad.design.fields.base import get_at, leaves
+from optopad.design.rules.check import check
+from optopad.design.spec import SensorDesign
+from optopad.sims.score.objective import bodies_above_surface_mm
 
 OUTER = ("mold.outer_length_mm", "mold.outer_width_mm", "mold.outer_diameter_mm")
 

@@ -1,8 +1,8 @@
 """Scores a design at several values of one field, and writes table and picture to the bundle.
 
-If the scores of neighbouring values disagree (`sims.score.sweep.disputed`), they are computed again, as by `optopad
-score --full` or `--fine`, and marked. With `--fine` (the finest light) or `--build` (a bundle for each value), no score
-is computed again.
+If the scores of neighbouring values disagree (`optopad.sims.score.sweep.disputed`), they are computed again, as by
+`optopad score --full` or `--fine`, and marked. With `--fine` (the finest light) or `--build` (a bundle for each value),
+no score is computed again.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from design.io import write_text_atomically
-from design.progress import OnStep, silent
-from design.shape.cavity import cavity_of, is_facing_rows
-from design.spec import SensorDesign
-from fabrication.bundle import bundle, bundle_name
+from optopad.design.io import write_text_atomically
+from optopad.design.progress import OnStep, silent
+from optopad.design.shape.cavity import cavity_of, is_facing_rows
+from optopad.design.spec import SensorDesign
+from optopad.fabrication.bundle import bundle, bundle_name
 from optopad.plot_files import write_plot
 from optopad.results.figures import figures_of
 from optopad.results.sweep import FINE, FULL, Sweep
+from optopad.sims.score.sweep import SweepRow, disputed, sweep_row, swept_designs
 from optopad.work import FinishedWork
-from sims.score.sweep import SweepRow, disputed, sweep_row, swept_designs
 
 NAME_LIMIT = 63
 """Largest number of characters in a design's name."""
@@ -136,15 +136,15 @@ def _judged(variant: SensorDesign, out: Path, *, fine: bool, seed: int, build: b
 
 def _scored(variant: SensorDesign, **settings: Any) -> Any:
     """The score without effects of tolerances; for facing rows also without bounds, which take ten times as long."""
-    from sims.score.scoring import score
+    from optopad.sims.score.scoring import score
 
     is_facing = is_facing_rows(cavity_of(variant))
     return score(variant, tolerance=False, verdict_only=is_facing, **settings)
 
 
 def _write(design: SensorDesign, out: Path, sweep: Sweep, seed: int) -> None:
-    from sims.plots.style import plain_style
-    from sims.plots.sweep import plot_sweep
+    from optopad.sims.plots.style import plain_style
+    from optopad.sims.plots.sweep import plot_sweep
 
     with bundle(design, out, seed=seed) as folder:
         (folder / "sims").mkdir(exist_ok=True)

@@ -8,19 +8,19 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from design.errors import InputError
-from design.files import made_folder
-from design.progress import OnStep, silent
-from design.spec import SensorDesign
-from fabrication.driver.recording.bag import is_bag
+from optopad.design.errors import InputError
+from optopad.design.files import made_folder
+from optopad.design.progress import OnStep, silent
+from optopad.design.spec import SensorDesign
+from optopad.fabrication.driver.recording.bag import is_bag
+from optopad.sims.learning.inference.header import ForceCurve, ModelHeader
+from optopad.sims.learning.inference.model_file import save_model
+from optopad.sims.learning.inference.touch_model import TouchModel
+from optopad.sims.learning.learners import LEARNERS, Learner
+from optopad.sims.learning.samples import prepared
+from optopad.sims.learning.settings import EFFORTS
+from optopad.sims.readings.dataset import PressData, data_notes, joined, read_data, require_design
 from optopad.work import as_netcdf, is_recording
-from sims.learning.inference.header import ForceCurve, ModelHeader
-from sims.learning.inference.model_file import save_model
-from sims.learning.inference.touch_model import TouchModel
-from sims.learning.learners import LEARNERS, Learner
-from sims.learning.samples import prepared
-from sims.learning.settings import EFFORTS
-from sims.readings.dataset import PressData, data_notes, joined, read_data, require_design
 
 SUFFIX = ".optomodel"
 ALL = "all"
@@ -169,7 +169,7 @@ def _learners(learner: str, design: SensorDesign | None, effort: str, seed: int)
         )
     if design is None:
         raise InputError(f"--learner: {SIGNAL_MAP} is computed from a design; name it with --design")
-    from sims.learning.map_learner import signal_map_learner
+    from optopad.sims.learning.map_learner import signal_map_learner
 
     return {SIGNAL_MAP: signal_map_learner(design, quick=effort == "quick", seed=seed)}
 
@@ -213,7 +213,7 @@ def _training_data(
 
 
 def _load_curve(design: SensorDesign) -> ForceCurve:
-    from sims.learning.traced_map import load_curve
+    from optopad.sims.learning.traced_map import load_curve
 
     return load_curve(design)
 

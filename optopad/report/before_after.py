@@ -8,17 +8,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from html import escape
 
-from design.shape.cavity import cavity_of
-from design.spec import SensorDesign
+from optopad.design.shape.cavity import cavity_of
+from optopad.design.spec import SensorDesign
 from optopad.report.words import Html, element, section, table
 from optopad.results.comparison import Comparison, shown_value
 from optopad.results.figures import PadFigures, figures_of
 from optopad.results.improvement import Improvement
 from optopad.screen.verdict_sentences import changes_words, sentences_of
-from sims.plots.maps import plot_margin_map
-from sims.plots.signal import plot_signal
-from sims.plots.style import plain_style, svg_text
-from sims.score.result import ContinuityScore, JudgedPair
+from optopad.sims.plots.maps import plot_margin_map
+from optopad.sims.plots.signal import plot_signal
+from optopad.sims.plots.style import plain_style, svg_text
+from optopad.sims.score.result import ContinuityScore, JudgedPair
 
 STYLE = """
 :root { color-scheme: light dark; }

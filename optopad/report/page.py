@@ -14,9 +14,9 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from design.io import write_text_atomically
-from design.spec import SensorDesign
-from fabrication.bundle import versions
+from optopad.design.io import write_text_atomically
+from optopad.design.spec import SensorDesign
+from optopad.fabrication.bundle import versions
 from optopad.report.scenes.map_scene import MapScene
 from optopad.report.scenes.mold_scene import mold_scene
 from optopad.report.scenes.ray_scene import RayScene
@@ -41,7 +41,7 @@ from optopad.report.sections.signals import (
     tolerance_section,
 )
 from optopad.report.words import Html, asset, banner, element, headline, joined, script_element, script_policy
-from sims.score.result import ContinuityScore
+from optopad.sims.score.result import ContinuityScore
 
 PAGE = "report.html"
 TITLES = {

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from design.search.figures import FIGURES
-from design.search.improve import Judged
-from fabrication.bundle import versions
+from optopad.design.search.figures import FIGURES
+from optopad.design.search.improve import Judged
+from optopad.fabrication.bundle import versions
 from optopad.report.before_after import before_and_after
 from optopad.report.words import Html, bullets, element, facts, section, still_page, table
 from optopad.results.improvement import Improvement
 from optopad.results.shown import QUICK_ERRORS, Search
 from optopad.screen.verdict_sentences import counted
-from sims.plots.front import choice_text, front_panels, importance_svg, parallel_svg, words
+from optopad.sims.plots.front import choice_text, front_panels, importance_svg, parallel_svg, words
 
 SHOWN_REASONS = 12
 LOCATIONS = {
@@ -240,7 +240,7 @@ def _files_section(search: Search) -> Html:
 
 
 def _base_values(search: Search) -> list[str]:
-    from design.fields.base import get_at
+    from optopad.design.fields.base import get_at
 
     document = search.findings.space.base.model_dump(mode="json")
     found = []

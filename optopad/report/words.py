@@ -7,7 +7,8 @@ execute; closing tags in the data are escaped.
 Safe HTML: `element` escapes every child that is not `Html` already, so the content of a design file remains text.
 
 Markdown of the build sheet: headings, paragraphs, lists, tables, fenced code and inline code become HTML. Only what
-`fabrication.sheets.casting` writes is covered. Markdown's escapes are removed before the text is escaped for HTML.
+`optopad.fabrication.sheets.casting` writes is covered. Markdown's escapes are removed before the text is escaped for
+HTML.
 
 Verdict in words: the verdict, the figures next to it, its bounds, and the units that keep it.
 
@@ -29,13 +30,13 @@ from itertools import groupby
 from string import Template
 from typing import Any
 
-from design.spec import SensorDesign
+from optopad.design.spec import SensorDesign
 from optopad.results.figures import figures_of
 from optopad.screen.verdict_sentences import counted, no_fix_words, sentences_of, signed, spans
-from sims.bounds.observability import BoundFigure, PadBounds
-from sims.score.result import ContinuityScore, JudgedPair, Verdict
-from sims.verdict.builds import BuildStudy
-from sims.verdict.depth_curve import DEADBAND_MIN_LENGTH_MM, DEADBAND_THRESHOLD
+from optopad.sims.bounds.observability import BoundFigure, PadBounds
+from optopad.sims.score.result import ContinuityScore, JudgedPair, Verdict
+from optopad.sims.verdict.builds import BuildStudy
+from optopad.sims.verdict.depth_curve import DEADBAND_MIN_LENGTH_MM, DEADBAND_THRESHOLD
 
 PARTS = ("theme.js", "plan.js", "pad.js", "solid.js", "rays_view.js", "pairs_view.js", "maps_view.js")
 

@@ -9,10 +9,10 @@ from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
-from design.spec import SensorDesign
+from optopad.design.spec import SensorDesign
 from optopad.results.figures import TABLE_WIDTH, Better, PadFigures, figure_lines
 from optopad.results.shown import Result, block, picture, table
-from sims.score.sweep import SweepRow
+from optopad.sims.score.sweep import SweepRow
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -111,8 +111,8 @@ class Comparison(Result):
 
     def plot(self) -> Figure:
         """Plot of signal against depth, one panel per design."""
-        from sims.plots.style import plain_style
-        from sims.plots.sweep import plot_sweep
+        from optopad.sims.plots.style import plain_style
+        from optopad.sims.plots.sweep import plot_sweep
 
         with plain_style():
             return plot_sweep("designs", self.rows)

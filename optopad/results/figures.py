@@ -13,15 +13,15 @@ from itertools import product
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any, Literal
 
-from design.mold.outline import outline_of
-from design.shape.cavity import cavity_of
-from design.spec import SensorDesign
-from fabrication.gain import gain_of
-from fabrication.sheets.bom import bom_rows
-from fabrication.sheets.prices import BillSum, bill_sum
+from optopad.design.mold.outline import outline_of
+from optopad.design.shape.cavity import cavity_of
+from optopad.design.spec import SensorDesign
+from optopad.fabrication.gain import gain_of
+from optopad.fabrication.sheets.bom import bom_rows
+from optopad.fabrication.sheets.prices import BillSum, bill_sum
 
 if TYPE_CHECKING:
-    from sims.score.result import ContinuityScore
+    from optopad.sims.score.result import ContinuityScore
 
 Better = Literal["lower", "higher", ""]
 LEAST_SHARE = 0.01
@@ -234,7 +234,7 @@ def figures_of(design: SensorDesign, score: ContinuityScore | Mapping[str, Any] 
     """
     if score is None:
         return PadFigures(bill=bill_sum(bom_rows(design)), **_of_design(design))
-    from sims.score.result import headline
+    from optopad.sims.score.result import headline
 
     found = score if isinstance(score, Mapping) else score.to_json()
     bounds, force = found["bounds"], found["force"]
@@ -392,7 +392,7 @@ def share_text(share: float | None) -> str:
 
 def _voxel_share(design: SensorDesign, bounds: Mapping[str, Any]) -> float:
     """Largest share of the volume that one computed location and depth represents [-]."""
-    from sims.bounds.observability import depth_weights
+    from optopad.sims.bounds.observability import depth_weights
 
     space = cavity_of(design).workspace
     box_mm2 = (space.x1_mm - space.x0_mm) * (space.y1_mm - space.y0_mm)

@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from design.search.improve import Kind
-from design.spec import SensorDesign
+from optopad.design.search.improve import Kind
+from optopad.design.spec import SensorDesign
 from optopad.results.figures import figures_of
 from optopad.results.score import Score
 from optopad.results.shown import Result, block, number, table
 from optopad.screen.verdict import labelled, row
 from optopad.screen.verdict_sentences import changes_words, sentences_of, verdict_words
-from sims.score.objective import sizes_of
-from sims.score.result import ContinuityScore
+from optopad.sims.score.objective import sizes_of
+from optopad.sims.score.result import ContinuityScore
 
 AIM_TITLES = {
     "margin": "largest margin",
@@ -100,7 +100,7 @@ class Improvement(Result):
     Attributes
     ----------
     design, before : the original design and its score
-    aim : what better means, a name in `design.search.improve.AIMS`, or None
+    aim : what better means, a name in `optopad.design.search.improve.AIMS`, or None
     alternatives : better designs, at most one for each quantity to improve
     nearest : the best scored design if there are no alternatives; else None
     tried : number of designs in the search, which uses a coarse setting of the light model

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from design.spec import SensorDesign
+from optopad.design.spec import SensorDesign
 from optopad.results.shown import block, number, picture, table
-from sims.learning.inference.signal_map import KIND as SIGNAL_MAP
-from sims.learning.tables import (
+from optopad.sims.learning.inference.signal_map import KIND as SIGNAL_MAP
+from optopad.sims.learning.tables import (
     ErrorRow,
     JudgedPresses,
     PublishedTouch,
@@ -312,7 +312,7 @@ class Prediction:
 
     @property
     def models(self) -> dict[str, Path]:
-        """Files of the trained models by learner, for `fabrication.driver.touch_reader`."""
+        """Files of the trained models by learner, for `optopad.fabrication.driver.touch_reader`."""
         files = {name: self.folder / "sims" / "models" / f"{name}.optomodel" for name in self.found.learners}
         return {name: file for name, file in files.items() if file.is_file()}
 
@@ -322,8 +322,8 @@ class Prediction:
 
     def plot_errors(self) -> Figure:
         """Plot of the errors of location and depth against depth, with the bound if it was computed."""
-        from sims.plots.accuracy import plot_errors
-        from sims.plots.style import plain_style
+        from optopad.sims.plots.accuracy import plot_errors
+        from optopad.sims.plots.style import plain_style
 
         rows = {learner: one.errors for learner, one in self.found.pooled().items()}
         with plain_style():
@@ -331,8 +331,8 @@ class Prediction:
 
     def plot_touch(self) -> Figure:
         """Plot of the fraction of correctly classified samples against depth."""
-        from sims.plots.accuracy import plot_touch
-        from sims.plots.style import plain_style
+        from optopad.sims.plots.accuracy import plot_touch
+        from optopad.sims.plots.style import plain_style
 
         rows = {learner: one.touch for learner, one in self.found.pooled().items()}
         with plain_style():

@@ -7,15 +7,15 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from design.errors import InputError
-from design.fields.finding import Finding
-from design.shape.cavity import cavity_of
-from design.spec import SensorDesign
+from optopad.design.errors import InputError
+from optopad.design.fields.finding import Finding
+from optopad.design.shape.cavity import cavity_of
+from optopad.design.spec import SensorDesign
 from optopad.results.figures import summary_words
 from optopad.results.shown import WIDTH_IN, block, drawn, picture, table
 from optopad.screen.verdict import checks_line, verdict_screen
 from optopad.screen.verdict_sentences import counted, sentences_of
-from sims.score.result import ContinuityScore, JudgedPair, KeyFigures
+from optopad.sims.score.result import ContinuityScore, JudgedPair, KeyFigures
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -103,7 +103,7 @@ class Score(KeyFigures):
         ------
         InputError : the models do not cover this design.
         """
-        from sims.score.maps_file import maps_dataset
+        from optopad.sims.score.maps_file import maps_dataset
 
         return maps_dataset(self.design, self._answered())
 
@@ -115,7 +115,7 @@ class Score(KeyFigures):
         ------
         InputError : the models do not cover this design.
         """
-        from sims.readings.readout import signals_dataset
+        from optopad.sims.readings.readout import signals_dataset
 
         light, readout = self._answered().pad_signals, self.found.readout
         assert light is not None
@@ -131,20 +131,20 @@ class Score(KeyFigures):
         ------
         InputError : the score has no pair of this name.
         """
-        from sims.plots.signal import plot_signal
+        from optopad.sims.plots.signal import plot_signal
 
         return drawn(lambda own: plot_signal(self._pair(pair), own), ax, 3.6)
 
     def plot_pairs(self, ax: Axes | None = None) -> Axes:
         """Plot the depths of modes and deadbands of every pair in `pairs`."""
-        from sims.plots.style import plot_spans
+        from optopad.sims.plots.style import plot_spans
 
         pairs = self._answered().pairs
         return drawn(lambda own: plot_spans(pairs, own), ax, 1.0 + 0.22 * len(self.pairs))
 
     def plot_map(self, ax: Axes | None = None) -> Axes:
         """Plot the deadband at each location of the pad."""
-        from sims.plots.maps import plot_deadband_map
+        from optopad.sims.plots.maps import plot_deadband_map
 
         found = self._answered().pad_map
         assert found is not None
@@ -152,7 +152,7 @@ class Score(KeyFigures):
 
     def plot_margin(self, ax: Axes | None = None) -> Axes:
         """Plot the margin at each location, in standard deviations of the noise; a margin below 3 means a deadband."""
-        from sims.plots.maps import plot_margin_map
+        from optopad.sims.plots.maps import plot_margin_map
 
         found = self._answered().pad_map
         assert found is not None
@@ -160,7 +160,7 @@ class Score(KeyFigures):
 
     def plot_tolerance(self, ax: Axes | None = None) -> Axes:
         """Plot the deadband of the governing pair at both ends of every unmeasured parameter's uncertainty band."""
-        from sims.plots.tolerance import plot_tolerance
+        from optopad.sims.plots.tolerance import plot_tolerance
 
         band = self._answered().tolerance
         assert band is not None
@@ -223,7 +223,7 @@ class Bundle:
 
     @property
     def driver(self) -> Path:
-        """Path of the driver configuration, which `fabrication.driver.Sensor` reads."""
+        """Path of the driver configuration, which `optopad.fabrication.driver.Sensor` reads."""
         return self.folder / "fabrication" / "driver.toml"
 
     @property

@@ -12,11 +12,11 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from design.search.explore import Findings
-from design.search.improve import Judged, Tried
-from design.spec import SensorDesign
-from sims.score.result import headline
-from sims.verdict.depth_curve import DEADBAND_THRESHOLD
+from optopad.design.search.explore import Findings
+from optopad.design.search.improve import Judged, Tried
+from optopad.design.spec import SensorDesign
+from optopad.sims.score.result import headline
+from optopad.sims.verdict.depth_curve import DEADBAND_THRESHOLD
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -64,7 +64,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 def picture(draw: Callable[[], Figure], salt: str) -> str:
     """HTML with a figure as SVG, in the style of the plots; `salt` makes the SVG's identifiers unique."""
-    from sims.plots.style import plain_style, svg_text
+    from optopad.sims.plots.style import plain_style, svg_text
 
     with plain_style():
         return svg_text(draw(), salt).partition("?>")[2]
@@ -72,7 +72,7 @@ def picture(draw: Callable[[], Figure], salt: str) -> str:
 
 def drawn(draw: Callable[[Axes], Axes], ax: Axes | None, height_in: float) -> Axes:
     """Draw into the given axes, or if `ax` is None into a new pyplot figure, and return the axes."""
-    from sims.plots.style import plain_style
+    from optopad.sims.plots.style import plain_style
 
     with plain_style():
         if ax is None:

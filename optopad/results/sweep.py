@@ -12,7 +12,7 @@ import numpy as np
 
 from optopad.results.figures import PadFigures, figure_lines
 from optopad.results.shown import Result, block, picture, table
-from sims.score.sweep import SweepRow
+from optopad.sims.score.sweep import SweepRow
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -133,8 +133,8 @@ class Sweep(Result):
 
     def plot(self) -> Figure:
         """Plot of signal against depth, one panel per value of the swept field."""
-        from sims.plots.style import plain_style
-        from sims.plots.sweep import plot_sweep
+        from optopad.sims.plots.style import plain_style
+        from optopad.sims.plots.sweep import plot_sweep
 
         with plain_style():
             return plot_sweep(self.field, self.rows)

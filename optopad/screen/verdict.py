@@ -12,9 +12,9 @@ from pathlib import Path
 from textwrap import shorten, wrap
 from typing import TYPE_CHECKING, Any
 
-from design.circuit.pins import board_of, faster_boards, frame_rate_hz
-from design.fields.finding import OUT_OF_SCOPE
-from design.spec import SensorDesign
+from optopad.design.circuit.pins import board_of, faster_boards, frame_rate_hz
+from optopad.design.fields.finding import OUT_OF_SCOPE
+from optopad.design.spec import SensorDesign
 from optopad.prediction_cost import STEM, quick_prediction_s
 from optopad.screen.verdict_sentences import (
     at_mm,
@@ -27,16 +27,16 @@ from optopad.screen.verdict_sentences import (
     verdict_words,
     with_moves,
 )
-from sims.score.result import RESTS, UNDECIDED
-from sims.verdict.depth_curve import NUMERICAL
+from optopad.sims.score.result import RESTS, UNDECIDED
+from optopad.sims.verdict.depth_curve import NUMERICAL
 
 if TYPE_CHECKING:
-    from design.fields.finding import Finding
-    from sims.bounds.detection_threshold import DetectionThreshold
-    from sims.bounds.observability import BoundFigure, PadBounds
-    from sims.score.result import ContinuityScore, JudgedPair
-    from sims.verdict.builds import BuildStudy
-    from sims.verdict.tolerance import Effect, FieldSteps
+    from optopad.design.fields.finding import Finding
+    from optopad.sims.bounds.detection_threshold import DetectionThreshold
+    from optopad.sims.bounds.observability import BoundFigure, PadBounds
+    from optopad.sims.score.result import ContinuityScore, JudgedPair
+    from optopad.sims.verdict.builds import BuildStudy
+    from optopad.sims.verdict.tolerance import Effect, FieldSteps
 
 WIDTH, LINES = 100, 13
 LABEL = 12

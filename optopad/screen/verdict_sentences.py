@@ -17,17 +17,17 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from design.fields.base import get_at
-from design.spec import SensorDesign
-from design.spec.properties import used_values
-from sims.bounds.observability import PadBounds
-from sims.score.result import ContinuityScore, headline
-from sims.score.trials import ENOUGH_MARGIN
-from sims.verdict.builds import pair_margin
-from sims.verdict.causes import Cause
-from sims.verdict.depth_curve import DEADBAND_THRESHOLD
-from sims.verdict.tolerance import ToleranceBand, ToleranceRow
-from sims.verdict.trial import Move, Trial
+from optopad.design.fields.base import get_at
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.properties import used_values
+from optopad.sims.bounds.observability import PadBounds
+from optopad.sims.score.result import ContinuityScore, headline
+from optopad.sims.score.trials import ENOUGH_MARGIN
+from optopad.sims.verdict.builds import pair_margin
+from optopad.sims.verdict.causes import Cause
+from optopad.sims.verdict.depth_curve import DEADBAND_THRESHOLD
+from optopad.sims.verdict.tolerance import ToleranceBand, ToleranceRow
+from optopad.sims.verdict.trial import Move, Trial
 
 DASH = "\N{EN DASH}"
 Interval = tuple[float, float]

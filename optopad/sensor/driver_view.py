@@ -18,21 +18,26 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from design.arrays import FloatArray
-from design.errors import InputError
-from design.progress import OnStep
-from fabrication.driver import sensor as driver
-from fabrication.driver.check import Verdict
-from fabrication.driver.link.frames import Frame
-from fabrication.driver.simulated.press_table import PressTable, table_from_signals, table_of, untouched_table
-from fabrication.driver_file import DriverConfig, driver_file_of, load_driver_config
+from optopad.design.arrays import FloatArray
+from optopad.design.errors import InputError
+from optopad.design.progress import OnStep
+from optopad.fabrication.driver import sensor as driver
+from optopad.fabrication.driver.check import Verdict
+from optopad.fabrication.driver.link.frames import Frame
+from optopad.fabrication.driver.simulated.press_table import (
+    PressTable,
+    table_from_signals,
+    table_of,
+    untouched_table,
+)
+from optopad.fabrication.driver_file import DriverConfig, driver_file_of, load_driver_config
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from design.spec import SensorDesign
-    from fabrication.gain import SimulatedGain
-    from sims.learning.inference.touch_model import TouchModel
+    from optopad.design.spec import SensorDesign
+    from optopad.fabrication.gain import SimulatedGain
+    from optopad.sims.learning.inference.touch_model import TouchModel
 
 TABLE_DEPTHS_MM = (0.0, 0.1, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0)
 """Depths simulated for the fake board [mm]; the design's deepest press is added, and deeper ones are left out."""
@@ -79,7 +84,7 @@ class Sensor(driver.Sensor):
     ----------
     config : path of a driver.toml, bundle folder or design file, the name of a preset, or the configuration itself. A
         design's bundle is searched in the folder `outputs`, as `optopad driver read` does
-    options : port, rate_hz and all others of `fabrication.driver.Sensor`
+    options : port, rate_hz and all others of `optopad.fabrication.driver.Sensor`
 
     Raises
     ------
@@ -143,10 +148,10 @@ def press_table(
 
 def simulated_gain(design: SensorDesign, *, seed: int, on_step: OnStep) -> SimulatedGain:
     """Gains, and light of the untouched pad, computed as by a score."""
-    from design.shape.cavity import cavity_of, judged_pairs, mask_of
-    from fabrication.gain import SimulatedGain
-    from sims.readings.readout import readout_of
-    from sims.verdict.presses import untouched_flux
+    from optopad.design.shape.cavity import cavity_of, judged_pairs, mask_of
+    from optopad.fabrication.gain import SimulatedGain
+    from optopad.sims.readings.readout import readout_of
+    from optopad.sims.verdict.presses import untouched_flux
 
     cavity = cavity_of(design)
     flux = untouched_flux(design, cavity, seed=seed)
@@ -160,11 +165,11 @@ def simulated_gain(design: SensorDesign, *, seed: int, on_step: OnStep) -> Simul
 def _simulated_table(design: SensorDesign, gain: SimulatedGain, *, seed: int, on_step: OnStep) -> PressTable:
     import numpy as np
 
-    from design.shape.cavity import cavity_of
-    from sims.contact.indentation import solved_press
-    from sims.optics.tracing import trace
-    from sims.verdict.pad_map import COARSE_PLACES, grid_places_mm, map_grid_mm
-    from sims.verdict.presses import states_of
+    from optopad.design.shape.cavity import cavity_of
+    from optopad.sims.contact.indentation import solved_press
+    from optopad.sims.optics.tracing import trace
+    from optopad.sims.verdict.pad_map import COARSE_PLACES, grid_places_mm, map_grid_mm
+    from optopad.sims.verdict.presses import states_of
 
     cavity, deepest = cavity_of(design), design.operating.max_depth_mm
     depths = np.array(sorted({*(depth for depth in TABLE_DEPTHS_MM if depth < deepest), deepest}))
@@ -182,7 +187,7 @@ def _simulated_table(design: SensorDesign, gain: SimulatedGain, *, seed: int, on
 
 
 def _config(design: SensorDesign, gain: SimulatedGain | None) -> DriverConfig:
-    from fabrication.driver_config import driver_config
+    from optopad.fabrication.driver_config import driver_config
 
     if gain is None:
         return driver_config(design)
@@ -196,8 +201,8 @@ def source_of(design: SensorDesign, out: Path) -> DriverSource:
     ------
     DesignError : the design breaks a rule.
     """
-    from design.rules.check import require_valid
-    from fabrication.bundle import bundle_name
+    from optopad.design.rules.check import require_valid
+    from optopad.fabrication.bundle import bundle_name
 
     require_valid(design)
     bundle = out / bundle_name(design)
@@ -215,9 +220,9 @@ def fitting_model(file: Path, config: DriverConfig) -> TouchModel:
     ------
     InputError : the file is not a model, or is a model of another design; the message names the file.
     """
-    from fabrication.driver.descriptor import descriptor_of
-    from fabrication.driver.touch_reader import require_fits
-    from sims.learning.inference.model_file import load_model
+    from optopad.fabrication.driver.descriptor import descriptor_of
+    from optopad.fabrication.driver.touch_reader import require_fits
+    from optopad.sims.learning.inference.model_file import load_model
 
     model = load_model(file)
     try:

@@ -6,17 +6,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from design.errors import DeviceError, InputError
-from design.files import read_bytes
-from design.io import write_text_atomically
-from design.rules.check import require_valid
-from design.spec import SensorDesign
-from fabrication.bundle import bundle, bundle_name
-from fabrication.flash import MOST_IMAGE_BYTES, Image, compiled_image
-from fabrication.sketch import IMAGE, SKETCH, write_sketch
+from optopad.design.errors import DeviceError, InputError
+from optopad.design.files import read_bytes
+from optopad.design.io import write_text_atomically
+from optopad.design.rules.check import require_valid
+from optopad.design.spec import SensorDesign
+from optopad.fabrication.bundle import bundle, bundle_name
+from optopad.fabrication.flash import MOST_IMAGE_BYTES, Image, compiled_image
+from optopad.fabrication.sketch import IMAGE, SKETCH, write_sketch
 
 if TYPE_CHECKING:
-    from fabrication.driver_file import BoardSetup
+    from optopad.fabrication.driver_file import BoardSetup
 
 FIRMWARE = Path("fabrication") / "firmware"
 
@@ -80,7 +80,7 @@ def image_to_upload(design: SensorDesign, out: Path, *, seed: int) -> Path:
 
 def board_setup(design: SensorDesign) -> BoardSetup:
     """The board for the driver: its USB identities and its line."""
-    from fabrication.driver_config import driver_config
+    from optopad.fabrication.driver_config import driver_config
 
     return driver_config(design).board
 

@@ -1,4 +1,4 @@
-"""Presses for a stage from a press protocol (`design.press_protocol`), with locations shuffled within each set."""
+"""Presses for a stage from a press protocol of `optopad.design.press_protocol`, locations shuffled within each set."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from design.press_protocol import load_protocol_file
-from design.recordings import SetEntry
-from design.spec import SensorDesign
-from fabrication.stage.stage import Position, PressList, press_list
+from optopad.design.press_protocol import load_protocol_file
+from optopad.design.recordings import SetEntry
+from optopad.design.spec import SensorDesign
+from optopad.fabrication.stage.stage import Position, PressList, press_list
 
 
 def protocol_presses(design: SensorDesign, protocol: str, *, seed: int = 0) -> PressList:

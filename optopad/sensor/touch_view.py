@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from design.arrays import FloatArray
-from fabrication.driver.touch_reader import AXES, Touch, TouchReader, with_sigma
+from optopad.design.arrays import FloatArray
+from optopad.fabrication.driver.touch_reader import AXES, Touch, TouchReader, with_sigma
 from optopad.sensor.driver_view import link_line
 
 if TYPE_CHECKING:

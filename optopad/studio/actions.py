@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cad.mesh import Mesh, read_stl
-from design.errors import OptopadError
-from design.files import temporary_folder
-from design.io import save_design
-from design.mold.outline import bed_lift_mm
-from design.spec import SensorDesign
-from fabrication.bundle import bundle_name
+from optopad.cad.mesh import Mesh, read_stl
+from optopad.design.errors import OptopadError
+from optopad.design.files import temporary_folder
+from optopad.design.io import save_design
+from optopad.design.mold.outline import bed_lift_mm
+from optopad.design.spec import SensorDesign
+from optopad.fabrication.bundle import bundle_name
 from optopad.studio.session import Said
 from optopad.work import started
 
@@ -182,7 +182,7 @@ class MoldShop:
             holder = temporary_folder()
             file = Path(holder.name) / "design.toml"
             save_design(design, file)
-            self._process = started(["-m", "cad", str(file), holder.name])
+            self._process = started(["-m", "optopad.cad", str(file), holder.name])
             arguments = (design, self._process, holder)
             threading.Thread(target=self._follow, args=arguments, name="studio-mold", daemon=True).start()
 

@@ -24,11 +24,11 @@ from tomlkit.container import OutOfOrderTableProxy
 from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import AoT, Array, Comment, Table, Trivia, Whitespace
 
-from design.errors import DesignError, InputError, OutputError
-from design.files import name_fault
-from design.io import dump_design, load_design, without_empty
-from design.preset import PRESETS, preset, preset_text
-from design.spec import SensorDesign
+from optopad.design.errors import DesignError, InputError, OutputError
+from optopad.design.files import name_fault
+from optopad.design.io import dump_design, load_design, without_empty
+from optopad.design.preset import PRESETS, preset, preset_text
+from optopad.design.spec import SensorDesign
 
 CATALOG = "catalog"
 """Field of a design for its own parts. They are defined in files next to it; the studio does not edit them."""

@@ -15,13 +15,13 @@ from html import escape
 
 import numpy as np
 
-from design.arrays import FloatArray
-from design.shape.cavity import CavityGeometry, PlacedPart, outline_mm
+from optopad.design.arrays import FloatArray
+from optopad.design.shape.cavity import CavityGeometry, PlacedPart, outline_mm
+from optopad.sims.score.objective import PlaceCurves
+from optopad.sims.score.result import ContinuityScore, JudgedPair
+from optopad.sims.verdict.depth_curve import DEADBAND_THRESHOLD
+from optopad.sims.verdict.pad_map import PadMap
 from optopad.studio.session import LivePress
-from sims.score.objective import PlaceCurves
-from sims.score.result import ContinuityScore, JudgedPair
-from sims.verdict.depth_curve import DEADBAND_THRESHOLD
-from sims.verdict.pad_map import PadMap
 
 Place = Callable[[float], float]
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, Literal
 
-from design.fields.base import get_at, is_value
-from design.shape.cavity import plan_of
-from design.spec import SensorDesign
-from design.spec.layout import (
+from optopad.design.fields.base import get_at, is_value
+from optopad.design.shape.cavity import plan_of
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.layout import (
     OPPOSITE,
     AlternatingRing,
     DiscRing,
@@ -19,8 +19,8 @@ from design.spec.layout import (
     Ring,
     expand,
 )
-from design.spec.pad import WALLS
-from design.spec.properties import entries_of
+from optopad.design.spec.pad import WALLS
+from optopad.design.spec.properties import entries_of
 from optopad.screen.verdict_sentences import unit_of
 
 Kind = Literal["number", "whole", "choice"]

@@ -29,19 +29,19 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from design.arrays import BoolArray, FloatArray
-from design.errors import DeviceError, InputError
-from design.files import temporary_folder
-from design.io import save_design
-from design.spec import SensorDesign
-from fabrication.driver.check import check_frames
-from fabrication.driver.descriptor import Descriptor, descriptor_of
-from fabrication.driver.link.frames import US_PER_S, Frame, normalised
-from fabrication.driver.link.link import require_digest
-from fabrication.driver.pattern import Problem
-from fabrication.driver.sensor import Sensor
-from fabrication.driver.stream import LinkCounts
-from fabrication.driver.touch_reader import Touch, TouchReader
+from optopad.design.arrays import BoolArray, FloatArray
+from optopad.design.errors import DeviceError, InputError
+from optopad.design.files import temporary_folder
+from optopad.design.io import save_design
+from optopad.design.spec import SensorDesign
+from optopad.fabrication.driver.check import check_frames
+from optopad.fabrication.driver.descriptor import Descriptor, descriptor_of
+from optopad.fabrication.driver.link.frames import US_PER_S, Frame, normalised
+from optopad.fabrication.driver.link.link import require_digest
+from optopad.fabrication.driver.pattern import Problem
+from optopad.fabrication.driver.sensor import Sensor
+from optopad.fabrication.driver.stream import LinkCounts
+from optopad.fabrication.driver.touch_reader import Touch, TouchReader
 from optopad.sensor.driver_view import fitting_model, source_of
 from optopad.work import started
 

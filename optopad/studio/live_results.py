@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from design.arrays import FloatArray, IntArray
-from design.spec import SensorDesign
+from optopad.design.arrays import FloatArray, IntArray
+from optopad.design.spec import SensorDesign
 from optopad.results.figures import PadFigures, figures_of
+from optopad.sims.score.objective import PlaceCurves
+from optopad.sims.score.result import ContinuityScore
 from optopad.studio.session import LivePress
-from sims.score.objective import PlaceCurves
-from sims.score.result import ContinuityScore
 
 Level = Literal["draft", "score", "whole"]
 

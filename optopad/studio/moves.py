@@ -14,10 +14,19 @@ import math
 from collections.abc import Iterable
 from typing import Any
 
-from design.errors import InputError
-from design.shape.cavity import PlacedPart, cavity_of
-from design.spec import SensorDesign
-from design.spec.layout import AtAngles, DiscRing, FacingRows, PerSide, Placement, Ring, Single, expand
+from optopad.design.errors import InputError
+from optopad.design.shape.cavity import PlacedPart, cavity_of
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.layout import (
+    AtAngles,
+    DiscRing,
+    FacingRows,
+    PerSide,
+    Placement,
+    Ring,
+    Single,
+    expand,
+)
 
 STEP_MM = 0.05
 """Step to which dragged positions are rounded [mm]; it is finer than the print of any mold."""

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from design.arrays import BoolArray, FloatArray, IntArray
-from design.shape.cavity import Plan, edge_mm
+from optopad.design.arrays import BoolArray, FloatArray, IntArray
+from optopad.design.shape.cavity import Plan, edge_mm
 
 
 def cut_open(points_mm: FloatArray, triangles: IntArray, y_mm: float) -> tuple[FloatArray, IntArray]:

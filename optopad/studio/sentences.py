@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from html import escape
 
-from design.shape.cavity import PlacedPart
+from optopad.design.shape.cavity import PlacedPart
 from optopad.results.figures import figures_of
 from optopad.screen.stages import STAGE_TITLES
 from optopad.screen.verdict_sentences import sentences_of, verdict_words

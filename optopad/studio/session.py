@@ -15,12 +15,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from design.errors import InputError, OptopadError
-from design.fields.base import is_value
-from design.fields.finding import Finding
-from design.rules.check import check
-from design.shape.cavity import cavity_of, workspace_of
-from design.spec import SensorDesign
+from optopad.design.errors import InputError, OptopadError
+from optopad.design.fields.base import is_value
+from optopad.design.fields.finding import Finding
+from optopad.design.rules.check import check
+from optopad.design.shape.cavity import cavity_of, workspace_of
+from optopad.design.spec import SensorDesign
 from optopad.screen.verdict_sentences import changes_words
 from optopad.studio.design_file import DesignFile
 from optopad.studio.editable_fields import changes_of

@@ -10,11 +10,11 @@ import math
 
 import numpy as np
 
-from design.arrays import BoolArray, FloatArray, IntArray
-from design.shape.cavity import Plan, cavity_of
-from design.spec import SensorDesign
+from optopad.design.arrays import BoolArray, FloatArray, IntArray
+from optopad.design.shape.cavity import Plan, cavity_of
+from optopad.design.spec import SensorDesign
+from optopad.sims.contact.pad_surface import PadSurface, curve_height_mm, pad_surface
 from optopad.studio.pad_mesh import outline_mm, ring_triangles, top_mm
-from sims.contact.pad_surface import PadSurface, curve_height_mm, pad_surface
 
 SPOKES, RINGS = 72, 28
 BORDER_STEPS = 6

@@ -6,7 +6,7 @@
 A request is a design, a press, and options. A new design stops the running work. Only the computation of the pressed
 top or of the pairs under the tip is finished, since it takes only a moment and keeps dragging smooth. A new press does
 not stop a running score: the new top and pairs are computed between two portions of the score's light
-(`sims.optics.engine.threads.between_pieces`). Traced light is stored on disk, so stopped work is not lost.
+(`optopad.sims.optics.engine.threads.between_pieces`). Traced light is stored on disk, so stopped work is not lost.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from design.arrays import FloatArray
-from design.errors import DesignError, OptopadError
-from design.shape.cavity import cavity_of, pair_name
-from design.spec import SensorDesign
+from optopad.design.arrays import FloatArray
+from optopad.design.errors import DesignError, OptopadError
+from optopad.design.shape.cavity import cavity_of, pair_name
+from optopad.design.spec import SensorDesign
 from optopad.studio.live_results import (
     Curves,
     Failed,
@@ -116,8 +116,8 @@ class Workshop:
             self._thread.join(wait_s)
 
     def _run(self) -> None:
-        from sims.compiling import compiling_told
-        from sims.optics.engine.threads import between_pieces
+        from optopad.sims.compiling import compiling_told
+        from optopad.sims.optics.engine.threads import between_pieces
 
         with between_pieces(self._attend), compiling_told(lambda share: self._doing("kernels", share)):
             while not self._is_closing:
@@ -274,15 +274,15 @@ class Workshop:
         )
 
     def _curves(self, request: Request) -> Curves:
-        from sims.contact.indentation import round_press
-        from sims.score.objective import curves_under
+        from optopad.sims.contact.indentation import round_press
+        from optopad.sims.score.objective import curves_under
 
         round_press(request.design, on_step=self._contact_step)  # only if it is solved live
         found = curves_under(request.design, request.press.place_mm, seed=self._seed)
         return Curves(digest=request.design.digest, found=found)
 
     def _fine_curves(self, request: Request) -> Curves:
-        from sims.score.objective import curves_under
+        from optopad.sims.score.objective import curves_under
 
         found = curves_under(
             request.design, request.press.place_mm, is_draft=False, seed=self._seed, on_step=self._step
@@ -290,8 +290,8 @@ class Workshop:
         return Curves(digest=request.design.digest, found=found)
 
     def _rays(self, request: Request) -> Rays:
-        from sims.rays import LOST, RayChoice, kind_of, ray_states
-        from sims.score.objective import pairs_under
+        from optopad.sims.rays import LOST, RayChoice, kind_of, ray_states
+        from optopad.sims.score.objective import pairs_under
 
         cavity, press = cavity_of(request.design), request.press
         pairs = pairs_under(cavity, press.place_mm)[:RAY_PAIRS]
@@ -325,7 +325,7 @@ class Workshop:
     def _readings(self, request: Request) -> Readings:
         """Expected readings: untouched as in `driver check`, and under the press, from each pair's change of light."""
         from optopad.sensor.driver_view import simulated_gain
-        from sims.optics.tracing import trace
+        from optopad.sims.optics.tracing import trace
 
         design, press = request.design, request.press
         if self._untouched is None or self._untouched[0] != design.digest:
@@ -342,14 +342,14 @@ class Workshop:
         return Readings(digest=design.digest, press=press, untouched=untouched, pressed=untouched * share)
 
     def _draft_map(self, request: Request) -> LiveVerdict:
-        from sims.score.objective import draft_score
+        from optopad.sims.score.objective import draft_score
 
         found = draft_score(request.design, seed=self._seed, on_step=self._step)
         self._draft = LiveVerdict(digest=request.design.digest, level="draft", score=found)
         return self._draft
 
     def _draft_bounds(self, request: Request) -> LiveVerdict | None:
-        from sims.score.objective import with_draft_bounds
+        from optopad.sims.score.objective import with_draft_bounds
 
         if self._draft is None or self._draft.score.pad_map is None:
             return None
@@ -359,10 +359,10 @@ class Workshop:
 
     def _score(self, request: Request) -> LiveVerdict:
         """The score as by `optopad score`, posted first without and then with tolerance."""
-        from sims.score.build_tolerance import with_tolerance
-        from sims.score.field_steps import with_field_steps
-        from sims.score.scoring import score
-        from sims.score.trials import with_trial
+        from optopad.sims.score.build_tolerance import with_tolerance
+        from optopad.sims.score.field_steps import with_field_steps
+        from optopad.sims.score.scoring import score
+        from optopad.sims.score.trials import with_trial
 
         design = request.design
         found = score(design, tolerance=False, seed=self._seed, on_step=self._step)

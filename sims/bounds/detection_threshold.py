@@ -14,14 +14,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from design.arrays import FloatArray
-from design.spec import SensorDesign
-from design.spec.properties import modulus
-from sims.bounds.fisher import BAND
-from sims.contact.force_curve import band_factors
-from sims.contact.indentation import solved_press
-from sims.readings.readout import Readout
-from sims.verdict.depth_curve import DEADBAND_THRESHOLD, noise_units, sigma_counts
+from optopad.design.arrays import FloatArray
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.properties import modulus
+from optopad.sims.bounds.fisher import BAND
+from optopad.sims.contact.force_curve import band_factors
+from optopad.sims.contact.indentation import solved_press
+from optopad.sims.readings.readout import Readout
+from optopad.sims.verdict.depth_curve import DEADBAND_THRESHOLD, noise_units, sigma_counts
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -63,15 +63,15 @@ from typing import Final
 
 import numpy as np
 
-from design.arrays import BoolArray, FloatArray, IntArray
-from design.progress import OnShare
-from design.rules.light import SURROUND_MM
-from design.shape.cavity import plan_of
-from design.spec import SensorDesign
-from sims.optics.accuracy import Accuracy
-from sims.optics.tracing import trace
-from sims.readings.readout import Readout
-from sims.verdict.depth_curve import sigma_counts
+from optopad.design.arrays import BoolArray, FloatArray, IntArray
+from optopad.design.progress import OnShare
+from optopad.design.rules.light import SURROUND_MM
+from optopad.design.shape.cavity import plan_of
+from optopad.design.spec import SensorDesign
+from optopad.sims.optics.accuracy import Accuracy
+from optopad.sims.optics.tracing import trace
+from optopad.sims.readings.readout import Readout
+from optopad.sims.verdict.depth_curve import sigma_counts
 
 COVERED_LOCATION_MM: Final = 1.0
 """Largest location bound of a covered voxel [mm]; [R]."""

@@ -1,9 +1,9 @@
 """Best possible accuracy of a pad: bounds on the error of a press's location and depth, over the workspace.
 
 A voxel is one combination (x, y, depth). Its Cramér-Rao bounds apply to one frame with all pairs. Derivatives of the
-readings come from slightly offset presses (`sims.bounds.fisher`). The bounds serve to compare layouts; a trained
-estimator is no better on average, and usually worse. The loss when an emitter or receiver fails follows from the bounds
-without its pairs.
+readings come from slightly offset presses (`optopad.sims.bounds.fisher`). The bounds serve to compare layouts; a
+trained estimator is no better on average, and usually worse. The loss when an emitter or receiver fails follows from
+the bounds without its pairs.
 
 Summaries are medians and shares over the volume of the workspace. Every location has the same weight, and a depth
 represents the range half-way to its neighbours. For the low and high ends of a summary, all bounds are shifted together
@@ -19,12 +19,12 @@ from typing import Any
 
 import numpy as np
 
-from design.arrays import BoolArray, FloatArray
-from design.progress import OnShare
-from design.shape.cavity import CavityGeometry, cavity_of, judged_pairs, mask_of
-from design.spec import SensorDesign
-from sims.bounds.detection_threshold import DetectionThreshold
-from sims.bounds.fisher import (
+from optopad.design.arrays import BoolArray, FloatArray
+from optopad.design.progress import OnShare
+from optopad.design.shape.cavity import CavityGeometry, cavity_of, judged_pairs, mask_of
+from optopad.design.spec import SensorDesign
+from optopad.sims.bounds.detection_threshold import DetectionThreshold
+from optopad.sims.bounds.fisher import (
     BAND,
     COARSE_DEPTHS_MM,
     COVERED_DEPTH_MM,
@@ -37,10 +37,10 @@ from sims.bounds.fisher import (
     bounds_of,
     sensitivities,
 )
-from sims.optics.accuracy import ACCURACIES, CONTACT_FINER, MIRRORED_FINER, Accuracy
-from sims.readings.readout import Readout, readout_of
-from sims.verdict.pad_map import grid_inside, grid_places_mm, map_grid_mm, on_grid
-from sims.verdict.presses import untouched_flux
+from optopad.sims.optics.accuracy import ACCURACIES, CONTACT_FINER, MIRRORED_FINER, Accuracy
+from optopad.sims.readings.readout import Readout, readout_of
+from optopad.sims.verdict.pad_map import grid_inside, grid_places_mm, map_grid_mm, on_grid
+from optopad.sims.verdict.presses import untouched_flux
 
 ROUND_OFF_DIGITS = 12
 """Number of decimals to which a share is rounded, to remove round-off."""
@@ -232,7 +232,8 @@ class PadBounds:
     pairs : names of the pairs that are used, such as E1-R3
     steps : offsets of the presses for the derivatives [mm]
     accuracies : names of the light model's accuracy settings, cheapest first
-    seed : random seed of the first half of the presses; the second half has seed + `sims.bounds.fisher.SEED_GAP`
+    seed : random seed of the first half of the presses; the second half has seed +
+        `optopad.sims.bounds.fisher.SEED_GAP`
     digest : digest of the design
     """
 
@@ -274,7 +275,7 @@ class PadBounds:
 
     @property
     def bounds(self) -> Bounds:
-        """The bounds and their errors as `sims.bounds.fisher.Bounds`."""
+        """The bounds and their errors as `optopad.sims.bounds.fisher.Bounds`."""
         return Bounds(
             location_mm=self.location_mm,
             location_error_mm=self.location_error_mm,
@@ -386,7 +387,8 @@ def pad_bounds(
     x_mm, y_mm : coordinates of the grid [mm]; if omitted, a grid of equal pitch in both directions
     places : number of locations of the default grid along the workspace's longer side
     depths_mm : depths of the voxels [mm]; depths beyond the usable range are left out, and its end is added
-    accuracies : accuracy settings for `sims.optics.tracing.trace`, cheapest first (`sims.bounds.fisher.sensitivities`)
+    accuracies : accuracy settings for `optopad.sims.optics.tracing.trace`, cheapest first
+        (`optopad.sims.bounds.fisher.sensitivities`)
     seed : random seed of the first half of the presses
     readout : common gain; if omitted, it is set on the untouched pad, which takes one more trace
     detection : detection threshold, only copied into the result

@@ -17,9 +17,9 @@ import math
 
 import numpy as np
 
-from design.arrays import FloatArray
-from design.errors import InputError, ModelScopeError
-from design.rules.shape import LEAST_RIM_SHARE
+from optopad.design.arrays import FloatArray
+from optopad.design.errors import InputError, ModelScopeError
+from optopad.design.rules.shape import LEAST_RIM_SHARE
 
 
 def crown_drop(radius: FloatArray, crown: float) -> FloatArray:

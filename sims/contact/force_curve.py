@@ -14,11 +14,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from design.arrays import FloatArray
-from design.fields.quantity import Quantity
-from design.spec import SensorDesign
-from design.spec.properties import modulus
-from sims.contact.library.solved_press import SolvedPress
+from optopad.design.arrays import FloatArray
+from optopad.design.fields.quantity import Quantity
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.properties import modulus
+from optopad.sims.contact.library.solved_press import SolvedPress
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -37,20 +37,20 @@ from functools import lru_cache
 
 import numpy as np
 
-from design.errors import DesignError, InputError, ModelScopeError
-from design.fields.finding import NO_VERDICT, Finding, outside_models
-from design.rules.check import require_scope
-from design.rules.shape import CROWNED_LAYER_RANGE, NEAREST_WALL, is_wide
-from design.shape.cavity import cavity_of, plan_of, workspace_of
-from design.spec import SensorDesign
-from design.spec.indenter import tip_words
-from design.spec.properties import youngs_modulus_mpa
-from sims.contact.library.build import live_note, live_press, mesh_size
-from sims.contact.library.profile_library import shipped_library
-from sims.contact.library.profiles import UnitPress
-from sims.contact.library.smooth_press import SmoothPress
-from sims.contact.library.solved_press import LARGEST_CHANGE, ROUNDS, PlacedPress, SolvedPress
-from sims.contact.scope import (
+from optopad.design.errors import DesignError, InputError, ModelScopeError
+from optopad.design.fields.finding import NO_VERDICT, Finding, outside_models
+from optopad.design.rules.check import require_scope
+from optopad.design.rules.shape import CROWNED_LAYER_RANGE, NEAREST_WALL, is_wide
+from optopad.design.shape.cavity import cavity_of, plan_of, workspace_of
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.indenter import tip_words
+from optopad.design.spec.properties import youngs_modulus_mpa
+from optopad.sims.contact.library.build import live_note, live_press, mesh_size
+from optopad.sims.contact.library.profile_library import shipped_library
+from optopad.sims.contact.library.profiles import UnitPress
+from optopad.sims.contact.library.smooth_press import SmoothPress
+from optopad.sims.contact.library.solved_press import LARGEST_CHANGE, ROUNDS, PlacedPress, SolvedPress
+from optopad.sims.contact.scope import (
     ContactSolveError,
     depth_limit_mm,
     elastic_depth_mm,
@@ -61,9 +61,9 @@ from sims.contact.scope import (
     tip_radius_mm,
     wall_radius,
 )
-from sims.contact.tip import HEMISPHERE, tip_of
-from sims.contact.walls import surroundings
-from sims.press import Indentation
+from optopad.sims.contact.tip import HEMISPHERE, tip_of
+from optopad.sims.contact.walls import surroundings
+from optopad.sims.press import Indentation
 
 Place = tuple[float, float]
 

@@ -52,10 +52,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from design.arrays import BoolArray, FloatArray, IntArray
-from design.errors import InputError
-from design.press_protocol import LoadProtocol
-from design.spec import SensorDesign
+from optopad.design.arrays import BoolArray, FloatArray, IntArray
+from optopad.design.errors import InputError
+from optopad.design.press_protocol import LoadProtocol
+from optopad.design.spec import SensorDesign
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -44,8 +44,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from design.arrays import BoolArray, FloatArray, IntArray
-from sims.contact.crown import crown_drop, require_rim
+from optopad.design.arrays import BoolArray, FloatArray, IntArray
+from optopad.sims.contact.crown import crown_drop, require_rim
 
 FINE_RADIUS = 4 / 3
 """Radius of the finely meshed zone under the tip [tip radii]."""

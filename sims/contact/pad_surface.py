@@ -13,13 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from design.arrays import FloatArray
-from design.errors import ModelScopeError
-from design.shape.cavity import cavity_of, plan_of
-from design.spec import SensorDesign
-from sims.contact.indentation import solved_press
-from sims.contact.library.solved_press import PlacedPress, SolvedPress
-from sims.press import Indentation
+from optopad.design.arrays import FloatArray
+from optopad.design.errors import ModelScopeError
+from optopad.design.shape.cavity import cavity_of, plan_of
+from optopad.design.spec import SensorDesign
+from optopad.sims.contact.indentation import solved_press
+from optopad.sims.contact.library.solved_press import PlacedPress, SolvedPress
+from optopad.sims.press import Indentation
 
 _STEP = 1e-6
 MOST_SURFACES = 1024

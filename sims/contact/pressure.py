@@ -21,10 +21,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from design.arrays import FloatArray
-from sims.contact.library.smooth_press import LOAD_SHARES
-from sims.contact.library.solved_press import SolvedPress
-from sims.contact.tip import TipOutline, tip_outline
+from optopad.design.arrays import FloatArray
+from optopad.sims.contact.library.smooth_press import LOAD_SHARES
+from optopad.sims.contact.library.solved_press import SolvedPress
+from optopad.sims.contact.tip import TipOutline, tip_outline
 
 FEWEST_SPACINGS = 4.0
 """Contact radius over node spacing below which no pressure is reported [-]."""

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from design.arrays import FloatArray
-from design.errors import DesignError, InputError, ModelScopeError
-from design.rules.shape import (
+from optopad.design.arrays import FloatArray
+from optopad.design.errors import DesignError, InputError, ModelScopeError
+from optopad.design.rules.shape import (
     DEEPEST_PRESS,
     LARGEST_SHARE_OF_LAYER,
     LAYER_DEPTH_RANGE,
@@ -21,10 +21,10 @@ from design.rules.shape import (
     deepest_modelled_mm,
     deepest_of_tip,
 )
-from design.shape.cavity import plan_of
+from optopad.design.shape.cavity import plan_of
 
 if TYPE_CHECKING:
-    from design.spec import SensorDesign
+    from optopad.design.spec import SensorDesign
 
 
 class ContactSolveError(RuntimeError):

@@ -18,9 +18,9 @@ from functools import cached_property
 
 import numpy as np
 
-from design.arrays import FloatArray
-from design.spec import Indenter
-from design.spec.indenter import tip_outline as outline_pieces
+from optopad.design.arrays import FloatArray
+from optopad.design.spec import Indenter
+from optopad.design.spec.indenter import tip_outline as outline_pieces
 
 Row = tuple[float, float, float, float, float, float, float]
 

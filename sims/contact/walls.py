@@ -55,7 +55,7 @@ from scipy.interpolate import CubicSpline, PchipInterpolator, RectBivariateSplin
 from scipy.sparse import bmat, csr_matrix, kron
 from scipy.sparse.linalg import splu
 
-from design.arrays import BoolArray, FloatArray, IntArray
+from optopad.design.arrays import BoolArray, FloatArray, IntArray
 
 Weight = Callable[[FloatArray], FloatArray]
 Shape = Literal["value", "slope", "pressure"]

@@ -72,10 +72,17 @@ from threading import Lock
 import mujoco
 import numpy as np
 
-from design.arrays import BoolArray, FloatArray, IntArray
-from sims.contact.mesh import RadialMesh, contact_forces, elastic_energy, nodal_forces, shared_out, volumes
-from sims.contact.scope import ContactSolveError
-from sims.contact.tip import HEMISPHERE, TipOutline, tip_gap
+from optopad.design.arrays import BoolArray, FloatArray, IntArray
+from optopad.sims.contact.mesh import (
+    RadialMesh,
+    contact_forces,
+    elastic_energy,
+    nodal_forces,
+    shared_out,
+    volumes,
+)
+from optopad.sims.contact.scope import ContactSolveError
+from optopad.sims.contact.tip import HEMISPHERE, TipOutline, tip_gap
 
 SETTLED_LIMIT = 1e-4
 """Largest motion of any vertex in the last step of a state at rest [tip radii]."""

@@ -42,10 +42,10 @@ Then
 
     I = Uᵀ(1 - N(NᵀN + P)⁻¹Nᵀ)U        information on u with gains and offsets free; N their slopes
 
-is the symmetrised product of the two (`sims.bounds.fisher`). Each of its eigenvectors v has an eigenvalue t, with a
-standard error e from the light. The share s = max(t - 2 e, 0) / t of the information is significant, and the data count
-by that share. `POLISH` steps with the mean light of `LIGHTS` seeds solve s vᵀUᵀr = vᵀu, with U the mean of the two
-estimates, by
+is the symmetrised product of the two (`optopad.sims.bounds.fisher`). Each of its eigenvectors v has an eigenvalue t,
+with a standard error e from the light. The share s = max(t - 2 e, 0) / t of the information is significant, and the
+data count by that share. `POLISH` steps with the mean light of `LIGHTS` seeds solve s vᵀUᵀr = vᵀu, with U the mean of
+the two estimates, by
 
     vᵀΔ = (s vᵀUᵀr - vᵀu) / (s (t + e) + 1)
 
@@ -76,11 +76,11 @@ from typing import Any
 import numpy as np
 from scipy.linalg import block_diag
 
-from design.arrays import FloatArray
-from design.progress import OnStep
-from design.spec import SensorDesign
-from sims.bounds.fisher import SEED_GAP, ZERO_SIGMAS
-from sims.learning.calibration_problem import (
+from optopad.design.arrays import FloatArray
+from optopad.design.progress import OnStep
+from optopad.design.spec import SensorDesign
+from optopad.sims.bounds.fisher import SEED_GAP, ZERO_SIGMAS
+from optopad.sims.learning.calibration_problem import (
     HALVES,
     LIGHTS,
     CalibrationSamples,
@@ -91,10 +91,10 @@ from sims.learning.calibration_problem import (
     unknowns_of,
     with_values,
 )
-from sims.learning.inference.signal_map import ReadingNoise
-from sims.learning.map_learner import chain_noise, fitted_gains
-from sims.optics.tracing import trace
-from sims.readings.dataset import PressData
+from optopad.sims.learning.inference.signal_map import ReadingNoise
+from optopad.sims.learning.map_learner import chain_noise, fitted_gains
+from optopad.sims.optics.tracing import trace
+from optopad.sims.readings.dataset import PressData
 
 LIGHT_SEED = 15_485_863
 """Number added to the seed for the fit's light. Simulated data use the seed itself, and the fit must not share their
@@ -499,8 +499,9 @@ def _information_error(
 ) -> FloatArray:
     """Standard error (direction,) of the sum of first x second over the readings; both are (reading, direction).
 
-    With the mean t and the difference d of first and second, it is √Σ((t d)² + (d²/2)²); see `sims.bounds.fisher`.
-    Readings that are compared with the same light have the same noise, so `sums` adds them up before squaring.
+    With the mean t and the difference d of first and second, it is √Σ((t d)² + (d²/2)²); see
+    `optopad.sims.bounds.fisher`. Readings that are compared with the same light have the same noise, so `sums` adds
+    them up before squaring.
     """
     mean, off = 0.5 * (first + second), first - second
     return np.asarray(np.sqrt((sums(mean * off) ** 2 + sums(0.5 * off**2) ** 2).sum(axis=0)))

@@ -1,8 +1,9 @@
-"""Samples, light, noise and unknown parameters of one calibration; `sims.learning.calibration` has the equations.
+"""Samples, light, noise and unknown parameters of one calibration; `optopad.sims.learning.calibration` has the
+equations.
 
 Unknown parameters
 ------------------
-They are the optical tolerances of the design (`design.spec.tolerances`): heights of emitters and receivers, the
+They are the optical tolerances of the design (`optopad.design.spec.tolerances`): heights of emitters and receivers, the
 emitting area, the emitters' half angle, reflectances, refractive index and absorption, thickness of the clear layer.
 Each is one number for all emitters or all receivers. A uniform prior enters the fit as a normal one of the same spread,
 and the fit stays within its limits. Left out: the cavity's length and width and the tip's radius, which a caliper
@@ -37,14 +38,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from design.arrays import FloatArray, IntArray
-from design.errors import InputError
-from design.progress import OnStep
-from design.spec import SensorDesign
-from design.spec.tolerances import UNIT_ENDS, Tolerance, build_tolerances
-from sims.learning.inference.signal_map import ReadingNoise
-from sims.learning.map_learner import Untouched, gain_parts, untouched_of
-from sims.readings.dataset import PressData
+from optopad.design.arrays import FloatArray, IntArray
+from optopad.design.errors import InputError
+from optopad.design.progress import OnStep
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.tolerances import UNIT_ENDS, Tolerance, build_tolerances
+from optopad.sims.learning.inference.signal_map import ReadingNoise
+from optopad.sims.learning.map_learner import Untouched, gain_parts, untouched_of
+from optopad.sims.readings.dataset import PressData
 
 DIGITS = 11
 """Light values that agree to this many digits, relative to the brightest, count as the same value of the model."""
@@ -106,7 +107,8 @@ OPTICAL_ENDS = (
 )
 """A design field is fitted if its dotted path ends in one of these."""
 NORMAL_ENDS = 2.0
-"""Distance from the middle of a normal tolerance to its limits, in standard deviations (`design.spec.tolerances`)."""
+"""Distance from the middle of a normal tolerance to its limits, in standard deviations
+(`optopad.design.spec.tolerances`)."""
 
 
 @dataclass(frozen=True, kw_only=True)

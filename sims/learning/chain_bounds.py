@@ -15,19 +15,21 @@ One frame of signals y (lit minus off, all pairs) at the stage's position θ = (
 e, r and δ have priors, so the bound is a hybrid one (Van Trees 1968, section 2.4; Messer 2006). The information in the
 priors is added to that in the data, and e, r and δ are eliminated by a Schur complement. For e and r that leaves
 
-    F = Jᵀ C⁻¹ J,   C = V + G Gᵀ      (`sims.learning.inference.signal_map`; J = ∂m/∂θ)
+    F = Jᵀ C⁻¹ J,   C = V + G Gᵀ      (`optopad.sims.learning.inference.signal_map`; J = ∂m/∂θ)
 
 and for δ, which enters only as θ + δ,
 
     F⁻¹ for the tip's position,     F⁻¹ + Δ for the stage's reported position
 
 J is computed twice, by finite differences of independently seeded light. F is the symmetrised product of the two, so
-that the trace's noise does not count as information (`sims.bounds.fisher`). Both are multiplied by L⁻¹, with C = L Lᵀ,
-and passed to `bounds_of` with weights of 1. Pairs that are at full scale at any press of the differences are left out.
+that the trace's noise does not count as information (`optopad.sims.bounds.fisher`). Both are multiplied by L⁻¹, with C
+= L Lᵀ, and passed to `bounds_of` with weights of 1. Pairs that are at full scale at any press of the differences are
+left out.
 
-Left out: everything that `sims.bounds.fisher` leaves out; flicker of ambient light (the surroundings are assumed dark);
-several frames of a set, which would determine its drift and its reference depth together. The gains' part of C is taken
-at the mean signals. The two values of the backlash count as a normal distribution of the same spread.
+Left out: everything that `optopad.sims.bounds.fisher` leaves out; flicker of ambient light (the surroundings are
+assumed dark); several frames of a set, which would determine its drift and its reference depth together. The gains'
+part of C is taken at the mean signals. The two values of the backlash count as a normal distribution of the same
+spread.
 """
 
 from __future__ import annotations
@@ -37,11 +39,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from design.arrays import FloatArray
-from design.progress import OnShare
-from design.shape.cavity import workspace_of
-from design.spec import SensorDesign
-from sims.bounds.fisher import (
+from optopad.design.arrays import FloatArray
+from optopad.design.progress import OnShare
+from optopad.design.shape.cavity import workspace_of
+from optopad.design.spec import SensorDesign
+from optopad.sims.bounds.fisher import (
     SEED_GAP,
     Bounds,
     Sensitivity,
@@ -50,9 +52,9 @@ from sims.bounds.fisher import (
     stencil_derivatives,
     stencil_presses,
 )
-from sims.learning.inference.signal_map import ReadingNoise
-from sims.optics.accuracy import Accuracy
-from sims.optics.tracing import trace
+from optopad.sims.learning.inference.signal_map import ReadingNoise
+from optopad.sims.optics.accuracy import Accuracy
+from optopad.sims.optics.tracing import trace
 
 EVENLY = np.array([0.7548776662466927, 0.5698402909980532])
 """Steps in x and y of an evenly spread sequence of locations in the unit square: 1/p and 1/p² with p³ = p + 1 (M.

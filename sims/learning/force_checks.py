@@ -17,11 +17,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from design.arrays import BoolArray, FloatArray
-from design.errors import InputError
-from design.spec import SensorDesign
-from design.spec.properties import modulus
-from sims.learning.press_force import LONGEST_GAP_S, PressWindow, TipPath, largest_gap, spans
+from optopad.design.arrays import BoolArray, FloatArray
+from optopad.design.errors import InputError
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.properties import modulus
+from optopad.sims.learning.press_force import LONGEST_GAP_S, PressWindow, TipPath, largest_gap, spans
 
 SILENT_FACTOR, REFUSED_FACTOR = 2.0, 1.5
 """Factors of the modulus: band where the catalogue has none, and beyond a band where a fit is refused [-]."""

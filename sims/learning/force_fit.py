@@ -1,6 +1,6 @@
 """Fits modulus and relaxation of a pad's elastomer to the force that a load cell measured under known presses.
 
-Unknowns of the model in `sims.learning.press_force`, common to all presses:
+Unknowns of the model in `optopad.sims.learning.press_force`, common to all presses:
 
     a    modulus over the design's modulus, in slow tests (long-time modulus) [-]
     s    share of the instantaneous modulus that relaxes away [-], and its time constant τ [s]
@@ -45,12 +45,18 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.special import stdtrit
 
-from design.arrays import BoolArray, FloatArray
-from design.errors import InputError
-from design.spec import SensorDesign
-from design.spec.properties import youngs_modulus_mpa
-from sims.learning.force_checks import modulus_notes, require_misfit, require_motion, tare_notes, unsaturated
-from sims.learning.press_force import (
+from optopad.design.arrays import BoolArray, FloatArray
+from optopad.design.errors import InputError
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.properties import youngs_modulus_mpa
+from optopad.sims.learning.force_checks import (
+    modulus_notes,
+    require_misfit,
+    require_motion,
+    tare_notes,
+    unsaturated,
+)
+from optopad.sims.learning.press_force import (
     BACKLASH_MM,
     CLOCK_S,
     EXCESS,
@@ -86,7 +92,7 @@ BACKLASH_SIGMA_MM = 0.01
 """Prior standard deviation of the stage's backlash, and of common errors of its depth on the way back [mm]."""
 LOWEST = np.array([-np.inf, -0.2, math.log(SHORTEST_S), -MARGIN_MM, -1.0, -0.03, -2.0, -0.1])
 HIGHEST = np.array([np.inf, 19.0, math.log(LONGEST_S), MARGIN_MM, 1.0, 0.03, 3.0, 0.1])
-"""Bounds of the unknowns, in the order of `sims.learning.press_force`."""
+"""Bounds of the unknowns, in the order of `optopad.sims.learning.press_force`."""
 STEPS = np.array([1e-4, 1e-4, 1e-3, 1e-4, 1e-2, 1e-4, 1e-3, 1e-4])
 """Steps of the differences that give the slopes; the clock's are long, so that noise of the depth averages out."""
 CLOCKS_S = tuple(np.arange(-25, 26) / 50.0)

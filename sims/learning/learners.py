@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from design.progress import OnStep
-from sims.learning.fits.extra_trees import fit_extra_trees
-from sims.learning.fits.kernel_ridge import fit_kernel_ridge
-from sims.learning.inference.touch_model import TouchModel
-from sims.learning.settings import FitSettings
-from sims.readings.dataset import PressData
+from optopad.design.progress import OnStep
+from optopad.sims.learning.fits.extra_trees import fit_extra_trees
+from optopad.sims.learning.fits.kernel_ridge import fit_kernel_ridge
+from optopad.sims.learning.inference.touch_model import TouchModel
+from optopad.sims.learning.settings import FitSettings
+from optopad.sims.readings.dataset import PressData
 
 
 class Learner(Protocol):

@@ -1,7 +1,7 @@
 """The learner "signal-map": a model from a traced map of signals and a sensor's own untouched readings.
 
     ratio of signals     a pair's signal divided by its untouched signal: from the light model
-                         (`sims.learning.traced_map`)
+                         (`optopad.sims.learning.traced_map`)
     untouched signal     mean of the sensor's untouched frames. For a pair at full scale it follows from gains of
                          emitters and receivers that are fitted to the other pairs, and is corrected by the touched
                          frames in which the pair does not clip
@@ -12,7 +12,7 @@
                          ambient light and phase of flicker
 
 Few presses are needed, or even none: untouched frames alone are enough. Left out: a bias of the reference depth in the
-data, which this model does not learn (`sims.learning.calibration` fits it).
+data, which this model does not learn (`optopad.sims.learning.calibration` fits it).
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from design.arrays import BoolArray, FloatArray
-from design.errors import InputError
-from design.progress import OnStep
-from design.spec import SensorDesign
-from sims.contact.force_curve import force_curve
-from sims.contact.indentation import solved_press
-from sims.learning.fits.touch import sigma_table
-from sims.learning.inference.header import ForceCurve, ModelHeader
-from sims.learning.inference.sigma_table import UNIT_SIGMA, SigmaTable
-from sims.learning.inference.signal_map import KIND, Box, ReadingNoise, SignalMapModel
-from sims.learning.samples import CLEARLY_UNTOUCHED_MM, SIGMA_OF_TIP
-from sims.learning.settings import DEFAULT, FitSettings
-from sims.learning.traced_map import (
+from optopad.design.arrays import BoolArray, FloatArray
+from optopad.design.errors import InputError
+from optopad.design.progress import OnStep
+from optopad.design.spec import SensorDesign
+from optopad.sims.contact.force_curve import force_curve
+from optopad.sims.contact.indentation import solved_press
+from optopad.sims.learning.fits.touch import sigma_table
+from optopad.sims.learning.inference.header import ForceCurve, ModelHeader
+from optopad.sims.learning.inference.sigma_table import UNIT_SIGMA, SigmaTable
+from optopad.sims.learning.inference.signal_map import KIND, Box, ReadingNoise, SignalMapModel
+from optopad.sims.learning.samples import CLEARLY_UNTOUCHED_MM, SIGMA_OF_TIP
+from optopad.sims.learning.settings import DEFAULT, FitSettings
+from optopad.sims.learning.traced_map import (
     DEPTH_NODES,
     PITCH_MM,
     QUICK_DEPTH_NODES,
@@ -45,10 +45,10 @@ from sims.learning.traced_map import (
     measured_error,
     traced_map,
 )
-from sims.readings.dataset import PressData
+from optopad.sims.readings.dataset import PressData
 
 if TYPE_CHECKING:
-    from sims.learning.learners import Learner
+    from optopad.sims.learning.learners import Learner
 
 MAP_SEED = 104_729
 """Number added to the seed for the map's light. Simulated data use the seed itself, and the map must not share their

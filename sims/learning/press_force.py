@@ -8,9 +8,9 @@ Let d(t) be the depth that the stage reports, by the recording's clock, and T th
     D(t) = max(d(t) + δ, 0)           δ: error of the stage's zero of depth [mm]; in retraction δ + β, β: backlash [mm]
     q_X(t) = ∫ exp(-(t - t')/τ) dX    the part of X = F_e or D that relaxes
 
-the force until the deepest hold ends is F = a (F_e(D) + e q_F), as in `sims.contact.load_protocol`. There F_e is the
-elastic force at the design's modulus, a the modulus over it, τ the time constant, and e = s/(1 - s) the excess of the
-instantaneous modulus, where s is the share that relaxes away.
+the force until the deepest hold ends is F = a (F_e(D) + e q_F), as in `optopad.sims.contact.load_protocol`. There F_e
+is the elastic force at the design's modulus, a the modulus over it, τ the time constant, and e = s/(1 - s) the excess
+of the instantaneous modulus, where s is the share that relaxes away.
 
 In retraction the contact shrinks faster than an elastic one. Ting (J. Appl. Mech. 33, 1966, 845-854) takes the force
 from the time t_1 at which the approaching contact was as large as now:
@@ -44,9 +44,9 @@ from functools import cached_property
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from design.arrays import BoolArray, FloatArray, IntArray
-from design.spec import SensorDesign
-from sims.contact.indentation import solved_press
+from optopad.design.arrays import BoolArray, FloatArray, IntArray
+from optopad.design.spec import SensorDesign
+from optopad.sims.contact.indentation import solved_press
 
 LOG_MODULUS, EXCESS, LOG_TIME, ZERO_MM, CLOCK_S, RATE, TING, BACKLASH_MM = range(8)
 """Places of ln a, e, ln τ, δ, b, r, κ and β in a vector of unknowns."""

@@ -14,17 +14,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from design.arrays import FloatArray
-from design.errors import InputError
-from design.shape.cavity import cavity_of, chord_midpoint_mm, judged_pairs, mask_of, pair_name
-from design.spec import SensorDesign
-from sims.optics.tracing import trace
-from sims.press import depth_schedule_mm
-from sims.readings.readout import readout_of
-from sims.readings.recording import SIGNAL, Recording
-from sims.score.result import JudgedPair
-from sims.verdict.builds import score_curves
-from sims.verdict.presses import PAIR_ACCURACY, Pair, curves_of, states_of
+from optopad.design.arrays import FloatArray
+from optopad.design.errors import InputError
+from optopad.design.shape.cavity import cavity_of, chord_midpoint_mm, judged_pairs, mask_of, pair_name
+from optopad.design.spec import SensorDesign
+from optopad.sims.optics.tracing import trace
+from optopad.sims.press import depth_schedule_mm
+from optopad.sims.readings.readout import readout_of
+from optopad.sims.readings.recording import SIGNAL, Recording
+from optopad.sims.score.result import JudgedPair
+from optopad.sims.verdict.builds import score_curves
+from optopad.sims.verdict.presses import PAIR_ACCURACY, Pair, curves_of, states_of
 
 SAME_PLACE_MM = 0.25
 """Readings within this distance of a press's location belong to the press [mm]; a stage's step is a tenth of it."""

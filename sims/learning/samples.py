@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from design.arrays import BoolArray, FloatArray, IntArray
-from design.errors import InputError
-from sims.learning.inference.feature_scaling import FeatureScaling
-from sims.learning.inference.header import ModelHeader
-from sims.press import place_numbers
-from sims.readings.dataset import PressData
+from optopad.design.arrays import BoolArray, FloatArray, IntArray
+from optopad.design.errors import InputError
+from optopad.sims.learning.inference.feature_scaling import FeatureScaling
+from optopad.sims.learning.inference.header import ModelHeader
+from optopad.sims.press import place_numbers
+from optopad.sims.readings.dataset import PressData
 
 FROM_DEPTH_MM = 1.0
 """Least depth of the samples on which errors are measured [mm]: lighter touches hardly have a signal, and would hide a

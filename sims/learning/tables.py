@@ -9,8 +9,8 @@ error leaves out differences between sessions.
 
 `needed_samples` selects the samples that tables and pictures use. `JudgedPresses` are samples with a model's
 predictions. `published_touch` is a sensor's published touch detection, for comparison. Its table rows for untouched
-samples set a limit to the assumed noise of the signal chain (`design.spec.sensor`), so they are not an independent
-test; nothing is fitted to the other table rows.
+samples set a limit to the assumed noise of the signal chain (`optopad.design.spec.sensor`), so they are not an
+independent test; nothing is fitted to the other table rows.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from design.arrays import BoolArray, FloatArray, IntArray
-from design.errors import InputError
-from design.preset import preset
-from design.spec import SensorDesign
-from sims.learning.inference.prediction import Prediction
-from sims.press import place_numbers
-from sims.readings.press_data import PressData
+from optopad.design.arrays import BoolArray, FloatArray, IntArray
+from optopad.design.errors import InputError
+from optopad.design.preset import preset
+from optopad.design.spec import SensorDesign
+from optopad.sims.learning.inference.prediction import Prediction
+from optopad.sims.press import place_numbers
+from optopad.sims.readings.press_data import PressData
 
 
 def needed_samples(data: PressData, places_mm: FloatArray) -> PressData:
@@ -173,7 +173,7 @@ class PublishedTouch:
 
 def published_touch(design: SensorDesign) -> PublishedTouch | None:
     """The published table for the sensor of a packaged design; None for any other design, including a changed one."""
-    text = (files("sims.learning") / "touch_success.toml").read_text(encoding="utf-8")
+    text = (files("optopad.sims.learning") / "touch_success.toml").read_text(encoding="utf-8")
     found = tomllib.loads(text).get(design.name)
     if found is None or design.digest != preset(design.name).digest:
         return None

@@ -10,9 +10,9 @@ finely and with another seed. A spline of the ratio itself has the same error do
 a spline of its logarithm has half more (docs/validation/calibration.md has the figures). A pitch of 2 mm has four times
 the error.
 
-Symmetric locations are traced only once (`sims.optics.scene.symmetry`): on a pad with four equal sides, that leaves a
-quarter of them. `measured_error` compares the map with presses at random locations and depths, traced with another
-seed. It includes the interpolation and the numerical errors of both traces. Left out: two tips at once.
+Symmetric locations are traced only once (`optopad.sims.optics.scene.symmetry`): on a pad with four equal sides, that
+leaves a quarter of them. `measured_error` compares the map with presses at random locations and depths, traced with
+another seed. It includes the interpolation and the numerical errors of both traces. Left out: two tips at once.
 
 The force curve is the contact model's force for a press in the middle of the pad. Left out: presses near walls, which
 raise the force by up to a tenth at 1 mm (docs/understand/model.md); the uncertainty of the modulus; viscosity.
@@ -24,21 +24,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from design.arrays import FloatArray, IntArray
-from design.errors import InputError
-from design.progress import OnStep
-from design.rules.shape import NEAREST_WALL
-from design.shape.cavity import cavity_of
-from design.shape.outline import Outline
-from design.spec import SensorDesign
-from sims.contact.force_curve import force_curve
-from sims.contact.indentation import solved_press
-from sims.contact.scope import depth_limit_mm
-from sims.learning.inference.header import ForceCurve
-from sims.learning.inference.signal_map import TensorSpline, fitted_spline
-from sims.optics.accuracy import Accuracy
-from sims.optics.tracing import trace
-from sims.press import COARSE_STEP_MM, depth_schedule_mm
+from optopad.design.arrays import FloatArray, IntArray
+from optopad.design.errors import InputError
+from optopad.design.progress import OnStep
+from optopad.design.rules.shape import NEAREST_WALL
+from optopad.design.shape.cavity import cavity_of
+from optopad.design.shape.outline import Outline
+from optopad.design.spec import SensorDesign
+from optopad.sims.contact.force_curve import force_curve
+from optopad.sims.contact.indentation import solved_press
+from optopad.sims.contact.scope import depth_limit_mm
+from optopad.sims.learning.inference.header import ForceCurve
+from optopad.sims.learning.inference.signal_map import TensorSpline, fitted_spline
+from optopad.sims.optics.accuracy import Accuracy
+from optopad.sims.optics.tracing import trace
+from optopad.sims.press import COARSE_STEP_MM, depth_schedule_mm
 
 
 def load_curve(design: SensorDesign) -> ForceCurve:

@@ -1,6 +1,6 @@
 """Light: rays from every emitter to every receiver through the deformed pad."""
 
-from sims.optics.light_signals import LightSignals
-from sims.optics.tracing import trace
+from optopad.sims.optics.light_signals import LightSignals
+from optopad.sims.optics.tracing import trace
 
 __all__ = ["LightSignals", "trace"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from design.errors import InputError
+from optopad.design.errors import InputError
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,10 +1,10 @@
 # mypy: allow-untyped-calls
-"""`python -m sims.optics.compiling`: compile the light kernels in parallel to the process that needs them.
+"""`python -m optopad.sims.optics.compiling`: compile the light kernels in parallel to the process that needs them.
 
 Compiling takes one core a minute, once per machine. The tracing process compiles kernels in the order in which it calls
 them, while this program begins with the last of them. If both need the same kernel, the later one waits for the other
-(`sims.kernels`). The program ends when its standard input closes. With `--alone` it continues until all kernels are
-compiled.
+(`optopad.sims.kernels`). The program ends when its standard input closes. With `--alone` it continues until all kernels
+are compiled.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def main(arguments: list[str]) -> None:
     """First compile the kernels in `BESIDE`, which the tracing process leaves to this program, then all others."""
     if arguments != ["--alone"]:
         threading.Thread(target=_end_with_parent, daemon=True).start()
-    from sims.optics.engine import compiled
+    from optopad.sims.optics.engine import compiled
 
     types = signatures()
     for name in BESIDE:
@@ -38,7 +38,7 @@ def signatures() -> dict[str, tuple[Any, ...]]:
     import numba
     from numba import types
 
-    from sims.optics.surface.tops import Top
+    from optopad.sims.optics.surface.tops import Top
 
     one, two, three, four = (types.Array(types.float64, sides, "C") for sides in (1, 2, 3, 4))
     layout, wanted = types.Array(types.int64, 2, "C"), types.Array(types.boolean, 2, "C")
@@ -62,9 +62,9 @@ def signatures() -> dict[str, tuple[Any, ...]]:
 
 def _walk_one_ray() -> None:
     """Compile the kernels that trace sample rays for the report's pictures."""
-    from design.preset import preset
-    from sims.optics.oracle.paths import LightWalker
-    from sims.optics.scene.lower import scene_of
+    from optopad.design.preset import preset
+    from optopad.sims.optics.oracle.paths import LightWalker
+    from optopad.sims.optics.scene.lower import scene_of
 
     scene = scene_of(preset("piacenza2017-pad"))
     LightWalker(scene, (0.5 * scene.length_mm, 0.5 * scene.width_mm), None, 0).follow(0, [0])

@@ -7,7 +7,7 @@ from typing import Protocol, TypeVar
 
 from numba.core.dispatcher import Dispatcher
 
-from design.arrays import FloatArray, IntArray
+from optopad.design.arrays import FloatArray, IntArray
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
@@ -24,13 +24,13 @@ StraightRules = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray
 ImageRules = tuple[
     FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray
 ]
-"""Gauss nodes and weights for images that are summed path by path (`sims.optics.engine.mirrored`)."""
+"""Gauss nodes and weights for images that are summed path by path (`optopad.sims.optics.engine.mirrored`)."""
 Patches = tuple[IntArray, FloatArray]
-"""Layout of the patches into which walls, bottom and tip are divided (`sims.optics.engine.scattered.layout_of`), and
-their areas [mm²]."""
+"""Layout of the patches into which walls, bottom and tip are divided
+(`optopad.sims.optics.engine.scattered.layout_of`), and their areas [mm²]."""
 Orders = tuple[IntArray, FloatArray, FloatArray]
 """Data for light scattered more than once: layout of patches, their areas, and transfer between them
-(`sims.optics.engine.repeated`)."""
+(`optopad.sims.optics.engine.repeated`)."""
 UntouchedLight = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
 """Light of the untouched pad: an array of direct flux, flux mirrored by the top, and correction factor of direct flux;
 scattered flux; flux mirrored by walls; light deposited on patches by emitters, and by receivers; scattered flux

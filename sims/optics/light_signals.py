@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from design.arrays import BoolArray, FloatArray
+from optopad.design.arrays import BoolArray, FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,26 +22,26 @@ from weakref import WeakKeyDictionary
 import numba
 import numpy as np
 
-from design.arrays import BoolArray, FloatArray
-from design.errors import InputError
-from design.spec import SensorDesign
-from sims.cache import GatheredLight, folder_fingerprint, light_store
-from sims.optics.accuracy import LADDER, Accuracy, accuracy_of
-from sims.optics.engine.general.lower import FormedStack, windows_of
-from sims.optics.engine.general.pad import formed_ways
-from sims.optics.engine.general.points import pitch_of
-from sims.optics.engine.threads import run_each
-from sims.optics.engine.trace_states import CLASS_NAMES, RawLight, Tops, trace_scene, trace_tops
-from sims.optics.engine.untouched import untouched_pad
-from sims.optics.light_signals import LightSignals
-from sims.optics.scene.lower import scene_of
-from sims.optics.scene.optical_scene import OpticalScene, SmoothField, smooth_field, sum_of_fields
-from sims.optics.scene.symmetry import StateClasses, each_its_own, state_classes
-from sims.optics.surface.tops import TopStack
-from sims.press import Indentation
+from optopad.design.arrays import BoolArray, FloatArray
+from optopad.design.errors import InputError
+from optopad.design.spec import SensorDesign
+from optopad.sims.cache import GatheredLight, folder_fingerprint, light_store
+from optopad.sims.optics.accuracy import LADDER, Accuracy, accuracy_of
+from optopad.sims.optics.engine.general.lower import FormedStack, windows_of
+from optopad.sims.optics.engine.general.pad import formed_ways
+from optopad.sims.optics.engine.general.points import pitch_of
+from optopad.sims.optics.engine.threads import run_each
+from optopad.sims.optics.engine.trace_states import CLASS_NAMES, RawLight, Tops, trace_scene, trace_tops
+from optopad.sims.optics.engine.untouched import untouched_pad
+from optopad.sims.optics.light_signals import LightSignals
+from optopad.sims.optics.scene.lower import scene_of
+from optopad.sims.optics.scene.optical_scene import OpticalScene, SmoothField, smooth_field, sum_of_fields
+from optopad.sims.optics.scene.symmetry import StateClasses, each_its_own, state_classes
+from optopad.sims.optics.surface.tops import TopStack
+from optopad.sims.press import Indentation
 
 if TYPE_CHECKING:
-    from sims.contact.pad_surface import PadSurface
+    from optopad.sims.contact.pad_surface import PadSurface
 
 CELL_S = {"flat": 0.70e-6, "cylinder": 0.43e-6, "sphere": 4.9e-6}
 """Cost of one cell of the top in one state, for one replicate and one emitter, by shape of the top [s]. A sphere costs
@@ -341,7 +341,7 @@ def _made(
 def _tops(
     design: SensorDesign, scene: OpticalScene, presses: FloatArray
 ) -> Iterator[tuple[Indentation, SmoothField | None]]:
-    from sims.contact.pad_surface import pad_surfaces
+    from optopad.sims.contact.pad_surface import pad_surfaces
 
     if len(presses) == 0:
         return

@@ -13,10 +13,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from design.arrays import FloatArray
-from design.shape.outline import Outline
-from sims.learning.tables import ErrorRow, JudgedPresses, PublishedTouch, TouchRow
-from sims.plots.style import BLUE, GREEN, GREY, GRID, INK, MUTED, VERMILLION, WIDTH_IN
+from optopad.design.arrays import FloatArray
+from optopad.design.shape.outline import Outline
+from optopad.sims.learning.tables import ErrorRow, JudgedPresses, PublishedTouch, TouchRow
+from optopad.sims.plots.style import BLUE, GREEN, GREY, GRID, INK, MUTED, VERMILLION, WIDTH_IN
 
 LOOKS = ((BLUE, "-", "o"), (VERMILLION, "-", "s"), (GREEN, "-", "^"), (INK, ":", "D"), (GREY, "-.", "v"))
 """Colours, line styles and markers of the models, in this order; no two models differ by colour alone."""

@@ -11,10 +11,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from sims.plots.style import BLUE, GREY, GRID, INK, MUTED, VERMILLION
-from sims.verdict.builds import BuildStudy
-from sims.verdict.depth_curve import DEADBAND_THRESHOLD
-from sims.verdict.tolerance import ToleranceBand, ToleranceRow
+from optopad.sims.plots.style import BLUE, GREY, GRID, INK, MUTED, VERMILLION
+from optopad.sims.verdict.builds import BuildStudy
+from optopad.sims.verdict.depth_curve import DEADBAND_THRESHOLD
+from optopad.sims.verdict.tolerance import ToleranceBand, ToleranceRow
 
 ROW_IN = 0.36
 FRAME_IN = 1.5

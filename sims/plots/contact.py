@@ -3,10 +3,10 @@
 The module also computes the top of a pad under a press, in space and in a vertical cross-section.
 
 A press moves along the normal of the untouched top, which is the third axis of its coordinate system
-(`design.shape.top`). There, the height of the pressed top is a curve rotated about the axis, minus the drop of the
-crown below the tangent plane. Where the curve overhangs near the shank, its lowest height is used, as in
-`sims.contact.pad_surface`. The tip is its outline rotated about the axis. On a crown, a vertical plane need not contain
-the axis, so a cross-section is found as the line along which a function of position is zero.
+(`optopad.design.shape.top`). There, the height of the pressed top is a curve rotated about the axis, minus the drop of
+the crown below the tangent plane. Where the curve overhangs near the shank, its lowest height is used, as in
+`optopad.sims.contact.pad_surface`. The tip is its outline rotated about the axis. On a crown, a vertical plane need not
+contain the axis, so a cross-section is found as the line along which a function of position is zero.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from design.arrays import FloatArray
-from design.fields.quantity import Quantity
-from design.shape.cavity import Plan, plan_of
-from design.shape.top import Top
-from design.spec import SensorDesign
-from sims.contact.force_curve import ForceCurve
-from sims.contact.load_protocol import LoadHistory
-from sims.contact.pad_surface import curve_height_mm
-from sims.contact.pressure import ContactPressure
-from sims.contact.tip import tip_points_mm
-from sims.plots.style import (
+from optopad.design.arrays import FloatArray
+from optopad.design.fields.quantity import Quantity
+from optopad.design.shape.cavity import Plan, plan_of
+from optopad.design.shape.top import Top
+from optopad.design.spec import SensorDesign
+from optopad.sims.contact.force_curve import ForceCurve
+from optopad.sims.contact.load_protocol import LoadHistory
+from optopad.sims.contact.pad_surface import curve_height_mm
+from optopad.sims.contact.pressure import ContactPressure
+from optopad.sims.contact.tip import tip_points_mm
+from optopad.sims.plots.style import (
     BLUE,
     GREEN,
     GREY,
@@ -40,7 +40,7 @@ from sims.plots.style import (
     VERMILLION,
     axes_or_new,
 )
-from sims.press import Indentation
+from optopad.sims.press import Indentation
 
 Place = tuple[float, float]
 

@@ -14,11 +14,21 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from design.arrays import FloatArray
-from design.search.figures import FIGURES
-from design.search.improve import Judged, Tried
-from design.search.space import SearchSpace, SpaceField, Value
-from sims.plots.style import BLUE, GREY, GRID, INK, MUTED, VERMILLION, axes_or_new, plain_style, svg_text
+from optopad.design.arrays import FloatArray
+from optopad.design.search.figures import FIGURES
+from optopad.design.search.improve import Judged, Tried
+from optopad.design.search.space import SearchSpace, SpaceField, Value
+from optopad.sims.plots.style import (
+    BLUE,
+    GREY,
+    GRID,
+    INK,
+    MUTED,
+    VERMILLION,
+    axes_or_new,
+    plain_style,
+    svg_text,
+)
 
 PANEL_IN = (4.6, 3.4)
 AXIS_IN = 1.05

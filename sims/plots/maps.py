@@ -19,13 +19,13 @@ from matplotlib.colors import Colormap, LinearSegmentedColormap, LogNorm, Normal
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Polygon, Rectangle
 
-from design.arrays import BoolArray, FloatArray
-from design.shape.cavity import TURN_RAD, CavityGeometry, PlacedPart, Plan, outline_mm
-from design.shape.outline import Outline
-from sims.bounds.detection_threshold import DetectionThreshold
-from sims.bounds.observability import PadBounds
-from sims.plots.style import BLUE, INK, MUTED, VERMILLION, WIDTH_IN, axes_or_new
-from sims.verdict.pad_map import PadMap, Place
+from optopad.design.arrays import BoolArray, FloatArray
+from optopad.design.shape.cavity import TURN_RAD, CavityGeometry, PlacedPart, Plan, outline_mm
+from optopad.design.shape.outline import Outline
+from optopad.sims.bounds.detection_threshold import DetectionThreshold
+from optopad.sims.bounds.observability import PadBounds
+from optopad.sims.plots.style import BLUE, INK, MUTED, VERMILLION, WIDTH_IN, axes_or_new
+from optopad.sims.verdict.pad_map import PadMap, Place
 
 NAME_POINTS = 5
 """Distance of a component's name from its mark [points]."""

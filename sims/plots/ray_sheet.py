@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 from matplotlib.figure import Figure
 
-from design.shape.cavity import cavity_of
-from design.spec import SensorDesign
-from sims.plots.rays import (
+from optopad.design.shape.cavity import cavity_of
+from optopad.design.spec import SensorDesign
+from optopad.sims.plots.rays import (
     HEAD_ROOM,
     PLAN_ROOM,
     SECTION_ROOM,
@@ -19,8 +19,8 @@ from sims.plots.rays import (
     plot_ray_plan,
     plot_ray_section,
 )
-from sims.plots.style import INK, MUTED
-from sims.rays import RayState
+from optopad.sims.plots.style import INK, MUTED
+from optopad.sims.rays import RayState
 
 LEAST_WIDTH_IN = 8.6
 SECTION_IN = (6.0, 2.9)

@@ -3,9 +3,10 @@
 The cross-section is along a line between two walls: the chord of a pair, the line straight across from a component, or
 a line through a point. Paths are projected onto its plane. A path outside the plane may therefore seem to end at a wall
 that it does not touch; the plan view shows its true course. Tip and pressed top are drawn where the plane cuts them
-(`sims.plots.contact`). If the tip's axis is not in the plane, the tip's projected outline is added as a dotted line.
+(`optopad.sims.plots.contact`). If the tip's axis is not in the plane, the tip's projected outline is added as a dotted
+line.
 
-The drawn paths are samples (`sims.rays`). The powers in the legend come from the light model.
+The drawn paths are samples (`optopad.sims.rays`). The powers in the legend come from the light model.
 """
 
 from __future__ import annotations
@@ -20,11 +21,11 @@ from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon, Rectangle
 
-from design.arrays import FloatArray
-from design.shape.cavity import CavityGeometry, PlacedPart, cavity_of, outline_mm
-from design.spec import SensorDesign
-from sims.optics.oracle.paths import LightPath
-from sims.plots.contact import (
+from optopad.design.arrays import FloatArray
+from optopad.design.shape.cavity import CavityGeometry, PlacedPart, cavity_of, outline_mm
+from optopad.design.spec import SensorDesign
+from optopad.sims.optics.oracle.paths import LightPath
+from optopad.sims.plots.contact import (
     CutPlane,
     PressFrame,
     cut_tip_mm,
@@ -32,10 +33,10 @@ from sims.plots.contact import (
     press_frame,
     seen_tip_mm,
 )
-from sims.plots.maps import draw_part, outline_patch
-from sims.plots.style import GREY, INK, MUTED, PALE_BLUE, axes_or_new
-from sims.press import Indentation
-from sims.rays import KINDS, LOST, LightKind, RayState, kind_of
+from optopad.sims.plots.maps import draw_part, outline_patch
+from optopad.sims.plots.style import GREY, INK, MUTED, PALE_BLUE, axes_or_new
+from optopad.sims.press import Indentation
+from optopad.sims.rays import KINDS, LOST, LightKind, RayState, kind_of
 
 SILHOUETTE_POINTS = 60
 

@@ -18,9 +18,19 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from sims.learning.recorded_press import RecordedPair, RecordedPress
-from sims.plots.style import BLUE, GREEN, GRID, INK, MUTED, PALE_BLUE, PALE_ORANGE, VERMILLION, axes_or_new
-from sims.score.result import JudgedPair
+from optopad.sims.learning.recorded_press import RecordedPair, RecordedPress
+from optopad.sims.plots.style import (
+    BLUE,
+    GREEN,
+    GRID,
+    INK,
+    MUTED,
+    PALE_BLUE,
+    PALE_ORANGE,
+    VERMILLION,
+    axes_or_new,
+)
+from optopad.sims.score.result import JudgedPair
 
 HEIGHT_IN = 3.9
 SPANS = ("mode", "deadband")

@@ -20,7 +20,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from sims.score.result import JudgedPair
+from optopad.sims.score.result import JudgedPair
 
 INK: Final = "#1b1f24"
 MUTED: Final = "#5b6470"

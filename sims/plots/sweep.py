@@ -18,10 +18,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from sims.plots.signal import DIRECT, TOP, TOTAL
-from sims.plots.style import GRID, INK, MUTED, PALE_BLUE, PALE_ORANGE
-from sims.score.result import NEGLIGIBLE_MM
-from sims.score.sweep import SweepRow
+from optopad.sims.plots.signal import DIRECT, TOP, TOTAL
+from optopad.sims.plots.style import GRID, INK, MUTED, PALE_BLUE, PALE_ORANGE
+from optopad.sims.score.result import NEGLIGIBLE_MM
+from optopad.sims.score.sweep import SweepRow
 
 USABLE: dict[str, Any] = {"color": INK, "linestyle": ":", "linewidth": 1.2}
 PANEL_IN = (1.75, 1.55)

@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from sims.plots.style import BLUE, GREY, GRID, INK, VERMILLION, WIDTH_IN, axes_or_new
-from sims.verdict.depth_curve import DEADBAND_THRESHOLD
-from sims.verdict.tolerance import Effect, FieldSteps, ToleranceBand, ToleranceRow
+from optopad.sims.plots.style import BLUE, GREY, GRID, INK, VERMILLION, WIDTH_IN, axes_or_new
+from optopad.sims.verdict.depth_curve import DEADBAND_THRESHOLD
+from optopad.sims.verdict.tolerance import Effect, FieldSteps, ToleranceBand, ToleranceRow
 
 ROW_IN = 0.42
 FRAME_IN = 1.0

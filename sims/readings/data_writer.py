@@ -27,10 +27,10 @@ from typing import IO, TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from design.errors import InputError
-from design.files import made_folder, unwritable, whole_file
-from design.recordings import sets_json
-from sims.readings.press_data import PressData
+from optopad.design.errors import InputError
+from optopad.design.files import made_folder, unwritable, whole_file
+from optopad.design.recordings import sets_json
+from optopad.sims.readings.press_data import PressData
 
 if TYPE_CHECKING:
     pass

@@ -25,13 +25,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from design.arrays import FloatArray, IntArray
-from design.errors import InputError
-from design.netcdf_file import read_netcdf, require_numbers
-from design.recordings import LOSSES, OFF, UNNAMED, SetEntry
-from sims.press import SAME_PLACE_MM
-from sims.readings.data_writer import DataWriter, header_of, save_data
-from sims.readings.label_checks import (
+from optopad.design.arrays import FloatArray, IntArray
+from optopad.design.errors import InputError
+from optopad.design.netcdf_file import read_netcdf, require_numbers
+from optopad.design.recordings import LOSSES, OFF, UNNAMED, SetEntry
+from optopad.sims.press import SAME_PLACE_MM
+from optopad.sims.readings.data_writer import DataWriter, header_of, save_data
+from optopad.sims.readings.label_checks import (
     HALF_COUNT,
     LENGTHS_MM,
     READING_SLACK,
@@ -43,7 +43,7 @@ from sims.readings.label_checks import (
     require_possible_readings,
     require_true_labels,
 )
-from sims.readings.press_data import (
+from optopad.sims.readings.press_data import (
     CONVERTED,
     PressData,
     clipped_note,
@@ -54,7 +54,7 @@ from sims.readings.press_data import (
 if TYPE_CHECKING:
     import xarray as xr
 
-    from design.spec import SensorDesign
+    from optopad.design.spec import SensorDesign
 
 __all__ = [
     "DataWriter",
@@ -112,7 +112,7 @@ def require_design(data: PressData, design: SensorDesign, *, what: str = "data")
     ------
     InputError : the design's digest, the emitters or the receivers differ.
     """
-    from design.shape.cavity import cavity_of
+    from optopad.design.shape.cavity import cavity_of
 
     if data.design_digest is not None and data.design_digest != design.digest:
         raise InputError(
@@ -200,7 +200,7 @@ def _require_possible(
 
 
 def _design_scale(design: SensorDesign | None) -> float | None:
-    from design.circuit.pins import adc_bits
+    from optopad.design.circuit.pins import adc_bits
 
     return None if design is None else 2.0 ** adc_bits(design) - 1.0
 

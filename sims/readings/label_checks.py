@@ -17,14 +17,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from design.arrays import FloatArray
-from design.errors import InputError, shown
-from design.shape.outline import rectangle
+from optopad.design.arrays import FloatArray
+from optopad.design.errors import InputError, shown
+from optopad.design.shape.outline import rectangle
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from design.spec import SensorDesign
+    from optopad.design.spec import SensorDesign
 
 LENGTHS_MM = {"mm": 1.0, "millimetre": 1.0, "millimeter": 1.0, "um": 1e-3, "micrometre": 1e-3, "micrometer": 1e-3,
               "micron": 1e-3, "cm": 10.0, "centimetre": 10.0, "centimeter": 10.0, "m": 1e3, "metre": 1e3,
@@ -115,7 +115,7 @@ def counts_factor(found: xr.Dataset, design: SensorDesign | None) -> float:
                 "converter of the design: name the design, with --design on the command line"
             )
         return factor * _counts_per_volt(design)
-    from design.circuit.pins import full_scale_v
+    from optopad.design.circuit.pins import full_scale_v
 
     highest = HIGHEST_V if design is None else full_scale_v(design)
     if array.dtype.kind == "f" and array.size:
@@ -134,7 +134,7 @@ def known_design(design: SensorDesign | None, digest: str | None) -> SensorDesig
 
     It is `design` if its digest agrees or the data have no digest, otherwise the preset with this digest.
     """
-    from design.preset import PRESETS, preset
+    from optopad.design.preset import PRESETS, preset
 
     if digest is None or (design is not None and design.digest.startswith(digest)):
         return design
@@ -308,7 +308,7 @@ def _require_in_the_cavity(location_mm: FloatArray, design: SensorDesign | None)
     x_mm, y_mm = location_mm.T
     whole = rectangle((0.0, 0.0, LARGEST_MM, LARGEST_MM))
     if design is not None:
-        from design.shape.cavity import plan_of
+        from optopad.design.shape.cavity import plan_of
 
         whole = plan_of(design).outline
     out = np.flatnonzero(~whole.contains(x_mm, y_mm, SLACK_MM))
@@ -322,6 +322,6 @@ def _require_in_the_cavity(location_mm: FloatArray, design: SensorDesign | None)
 
 def _counts_per_volt(design: SensorDesign) -> float:
     """Counts per volt of the board's converter [counts/V]."""
-    from design.circuit.pins import adc_bits, full_scale_v
+    from optopad.design.circuit.pins import adc_bits, full_scale_v
 
     return float(2 ** adc_bits(design) / full_scale_v(design))

@@ -3,7 +3,7 @@
 A sample is one frame: the readings of every receiver in every state (each emitter alone, then all off), and the
 position of the tip as the stage reports it. Samples belong to presses (one approach and retraction at one location).
 Presses belong to sets (one session of one pattern). Splits into training and test data keep presses whole, because
-samples of one press are too similar to be on both sides. `sims.readings.dataset` reads and writes the files.
+samples of one press are too similar to be on both sides. `optopad.sims.readings.dataset` reads and writes the files.
 
 Light against depth (`PressCurves`)
 -----------------------------------
@@ -33,12 +33,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from design.arrays import BoolArray, FloatArray, IntArray
-from design.errors import InputError, ModelScopeError
-from design.recordings import LOSSES, OFF, ROLES, SetEntry, signals_of
-from design.spec import SensorDesign
-from sims.optics.accuracy import Accuracy
-from sims.readings.label_checks import require_finite
+from optopad.design.arrays import BoolArray, FloatArray, IntArray
+from optopad.design.errors import InputError, ModelScopeError
+from optopad.design.recordings import LOSSES, OFF, ROLES, SetEntry, signals_of
+from optopad.design.spec import SensorDesign
+from optopad.sims.optics.accuracy import Accuracy
+from optopad.sims.readings.label_checks import require_finite
 
 CONVERTED = "converted"
 """Name of the entry in `PressData.attributes` that says how readings were converted from another unit."""
@@ -370,7 +370,7 @@ def knots_mm(design: SensorDesign, *, is_coarse: bool = False, deepest_mm: float
     -------
     (knot,) depths, increasing from 0 [mm]
     """
-    from sims.contact.scope import depth_limit_mm
+    from optopad.sims.contact.scope import depth_limit_mm
 
     scale = design.indenter.tip_radius_mm / KNOTS_TIP_MM
     wanted = design.operating.max_depth_mm if deepest_mm is None else deepest_mm
@@ -414,7 +414,7 @@ def traced_curves(
     InputError : locations have the wrong shape or are not finite, or depths do not increase from 0.
     ModelScopeError : the contact or light model does not cover a depth or location.
     """
-    from sims.optics.tracing import trace
+    from optopad.sims.optics.tracing import trace
 
     places = np.asarray(places_mm, dtype=np.float64)
     if places.ndim != 2 or places.shape[1] != 2 or not len(places) or not np.isfinite(places).all():

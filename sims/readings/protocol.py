@@ -17,17 +17,17 @@ from typing import Any
 
 import numpy as np
 
-from design.arrays import FloatArray, IntArray
-from design.errors import InputError
-from design.press_protocol import PressProtocol
-from design.progress import OnStep
-from design.recordings import OFF
-from design.shape.cavity import cavity_of, judged_pairs, mask_of
-from design.spec import SensorDesign
-from sims.optics.accuracy import Accuracy
-from sims.readings.press_data import PressCurves, PressData, knots_mm, traced_curves
-from sims.readings.readout import Readout, readout_of
-from sims.readings.signal_chain import (
+from optopad.design.arrays import FloatArray, IntArray
+from optopad.design.errors import InputError
+from optopad.design.press_protocol import PressProtocol
+from optopad.design.progress import OnStep
+from optopad.design.recordings import OFF
+from optopad.design.shape.cavity import cavity_of, judged_pairs, mask_of
+from optopad.design.spec import SensorDesign
+from optopad.sims.optics.accuracy import Accuracy
+from optopad.sims.readings.press_data import PressCurves, PressData, knots_mm, traced_curves
+from optopad.sims.readings.readout import Readout, readout_of
+from optopad.sims.readings.signal_chain import (
     SetDraw,
     SignalChain,
     blended,

@@ -7,7 +7,7 @@ considers. `gain.feedback_ohm` selects the rule for the gains:
              less, so that the brightest of them reads at most `HEADROOM` of full scale; the default
     common   one gain for all: the median judged pair reads the target without contact; brighter ones may clip
     ohms     the mounted resistors, with the emitters' power and the receivers' responsivity
-             (`design.circuit.transimpedance`)
+             (`optopad.design.circuit.transimpedance`)
 
 Left out: emitters of different power on one pad, ambient light and drift, which belong to the signal chain.
 
@@ -24,14 +24,14 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from design.arrays import BoolArray, FloatArray
-from design.circuit.pins import adc_bits, amplifier_v, full_scale_v
-from design.circuit.transimpedance import fitted_counts_per_flux
-from design.errors import ModelScopeError
-from design.files import whole_file
-from design.shape.cavity import CavityGeometry
-from design.spec import SensorDesign
-from sims.optics.light_signals import LightSignals
+from optopad.design.arrays import BoolArray, FloatArray
+from optopad.design.circuit.pins import adc_bits, amplifier_v, full_scale_v
+from optopad.design.circuit.transimpedance import fitted_counts_per_flux
+from optopad.design.errors import ModelScopeError
+from optopad.design.files import whole_file
+from optopad.design.shape.cavity import CavityGeometry
+from optopad.design.spec import SensorDesign
+from optopad.sims.optics.light_signals import LightSignals
 
 HEADROOM = 0.75
 """Largest untouched reading of the brightest judged pair of each receiver, as a share of full scale [-]. It applies if
@@ -195,7 +195,7 @@ def signals_dataset(
 
 
 def save_dataset(dataset: xr.Dataset, file: Path) -> None:
-    """Write a data set as netCDF, completely or not at all; raises the errors of `design.files.whole_file`."""
+    """Write a data set as netCDF, completely or not at all; raises the errors of `optopad.design.files.whole_file`."""
     encoding = {name: COMPRESSION for name, values in dataset.data_vars.items() if values.ndim > 1}
     with whole_file(file) as hidden:
         dataset.to_netcdf(hidden, engine="h5netcdf", encoding=encoding)

@@ -28,14 +28,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from design.arrays import FloatArray
-from design.csv_table import CsvTable, plain_name, read_csv
-from design.errors import InputError
-from design.files import EMPTY, TEXT, kind_of_file
-from design.netcdf_file import read_netcdf, require_numbers
-from design.recordings import LOSSES, OFF, signals_of
-from sims.readings.dataset import AXES, full_scale_of, losses_note, off_last
-from sims.readings.label_checks import (
+from optopad.design.arrays import FloatArray
+from optopad.design.csv_table import CsvTable, plain_name, read_csv
+from optopad.design.errors import InputError
+from optopad.design.files import EMPTY, TEXT, kind_of_file
+from optopad.design.netcdf_file import read_netcdf, require_numbers
+from optopad.design.recordings import LOSSES, OFF, signals_of
+from optopad.sims.readings.dataset import AXES, full_scale_of, losses_note, off_last
+from optopad.sims.readings.label_checks import (
     HALF_COUNT,
     LENGTHS_MM,
     READINGS,
@@ -50,7 +50,7 @@ from sims.readings.label_checks import (
 if TYPE_CHECKING:
     import xarray as xr
 
-    from design.spec import SensorDesign
+    from optopad.design.spec import SensorDesign
 
 SIGNAL = "signal"
 DIGEST = re.compile(r"[0-9a-f]{8,64}")

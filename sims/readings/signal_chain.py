@@ -4,7 +4,7 @@ Signal chain
 ------------
 For emitter e and receiver r, in a frame that begins at t, with flux F (share of the emitted power):
 
-    lit      = F x power_e x gain_r                      counts of a still sensor (`sims.readings.readout`)
+    lit      = F x power_e x gain_r                      counts of a still sensor (`optopad.sims.readings.readout`)
     drifted  = lit x (1 + a_e)(1 + b_r)                  a, b: drawn for a set, with a constant hourly rate within it
     now      = drifted x (1 + c_e)                       c: drawn for a frame, one for all receivers of an emitter
     ambient  = A (1 + m cos(2 pi f t_er + phase))        in all states, the off state too, each at its own time t_er
@@ -13,9 +13,9 @@ For emitter e and receiver r, in a frame that begins at t, with flux F (share of
     counts   = whole number within 0 and full scale
 
 States follow one another as on the board. Each emitter is lit alone. All are off either once at the end, or before and
-after each emitter; then the mean of both is subtracted (`design.recordings.with_one_dark`). In each state the receivers
-are read one after another (`design.circuit.pins`). Readings of a pair and of its dark states have different times, so
-part of the ambient light's flicker remains when the dark state is subtracted.
+after each emitter; then the mean of both is subtracted (`optopad.design.recordings.with_one_dark`). In each state the
+receivers are read one after another (`optopad.design.circuit.pins`). Readings of a pair and of its dark states have
+different times, so part of the ambient light's flicker remains when the dark state is subtracted.
 
 Left out: settling of amplifiers (the firmware waits for it), crosstalk between the converter's inputs, the finger's
 shadow in ambient light, the converter's nonlinearity, temperature except for the drift.
@@ -68,9 +68,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from design.arrays import BoolArray, FloatArray
-from design.circuit.emitter_switch import current_sink
-from design.circuit.pins import (
+from optopad.design.arrays import BoolArray, FloatArray
+from optopad.design.circuit.emitter_switch import current_sink
+from optopad.design.circuit.pins import (
     MS_PER_S,
     US_PER_S,
     adc_bits,
@@ -85,13 +85,13 @@ from design.circuit.pins import (
     state_count,
     switch_time_ms,
 )
-from design.circuit.transimpedance import emitted_mw, feedbacks_of, responsivity_at
-from design.errors import ModelScopeError
-from design.recordings import lit_emitters, nearest_dark_states, with_one_dark
-from design.shape.cavity import cavity_of
-from design.spec import SensorDesign
-from design.spec.sensor import PURE, Noise
-from sims.readings.readout import Readout
+from optopad.design.circuit.transimpedance import emitted_mw, feedbacks_of, responsivity_at
+from optopad.design.errors import ModelScopeError
+from optopad.design.recordings import lit_emitters, nearest_dark_states, with_one_dark
+from optopad.design.shape.cavity import cavity_of
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.sensor import PURE, Noise
+from optopad.sims.readings.readout import Readout
 
 
 def unbonded_share(

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from design.progress import OnStep
-from design.spec import SensorDesign
-from design.spec.tolerances import build_tolerances
-from sims.score.result import ContinuityScore, band_caution
-from sims.verdict.builds import (
+from optopad.design.progress import OnStep
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.tolerances import build_tolerances
+from optopad.sims.score.result import ContinuityScore, band_caution
+from optopad.sims.verdict.builds import (
     BuildJudge,
     Memo,
     build_study,
@@ -17,7 +17,7 @@ from sims.verdict.builds import (
     remembered,
     verdict_judge,
 )
-from sims.verdict.tolerance import ToleranceBand, tolerance_band
+from optopad.sims.verdict.tolerance import ToleranceBand, tolerance_band
 
 DEFAULT_BUILDS = 200
 

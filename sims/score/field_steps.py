@@ -1,9 +1,9 @@
 """Sensitivity to each field of a design: how verdict and accuracy bounds change if the field changes by a small step.
 
 One field at a time is stepped down and up; a gain that follows from a rule is determined again for each step. Each
-design gets a short verdict, like manufactured units (`sims.verdict.builds`): facing rows are judged by their governing
-pair, a pad at its location of least margin. The Cramér-Rao bounds of one frame (`sims.bounds`) are computed for the
-same location, at half the deepest press.
+design gets a short verdict, like manufactured units (`optopad.sims.verdict.builds`): facing rows are judged by their
+governing pair, a pad at its location of least margin. The Cramér-Rao bounds of one frame (`optopad.sims.bounds`) are
+computed for the same location, at half the deepest press.
 
 Two simplifications: the location of least margin is taken as fixed, and fields are never stepped together. The light is
 as coarse as for manufactured units, so changes of the margin have errors of some tenths of a noise unit.
@@ -16,19 +16,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from design.errors import OptopadError
-from design.fields.base import get_at
-from design.progress import OnStep
-from design.rules.check import require_valid
-from design.shape.cavity import cavity_of, is_facing_rows
-from design.spec import SensorDesign
-from design.spec.cheap_fields import CLEAR, HEIGHTS, TARGET, cheap_fields
-from sims.bounds.fisher import Steps, bounds_of, sensitivity
-from sims.bounds.observability import own_readout
-from sims.score.build_tolerance import governing_judge
-from sims.score.result import ContinuityScore
-from sims.verdict.builds import ACCURACY, BuildJudge, accuracy_of_builds
-from sims.verdict.tolerance import Effect, FieldStep, FieldSteps
+from optopad.design.errors import OptopadError
+from optopad.design.fields.base import get_at
+from optopad.design.progress import OnStep
+from optopad.design.rules.check import require_valid
+from optopad.design.shape.cavity import cavity_of, is_facing_rows
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.cheap_fields import CLEAR, HEIGHTS, TARGET, cheap_fields
+from optopad.sims.bounds.fisher import Steps, bounds_of, sensitivity
+from optopad.sims.bounds.observability import own_readout
+from optopad.sims.score.build_tolerance import governing_judge
+from optopad.sims.score.result import ContinuityScore
+from optopad.sims.verdict.builds import ACCURACY, BuildJudge, accuracy_of_builds
+from optopad.sims.verdict.tolerance import Effect, FieldStep, FieldSteps
 
 STEPS = {**dict.fromkeys(HEIGHTS, 0.1), CLEAR: 0.5, TARGET: 25.0}
 """Step of each field by its name, in the field's own unit."""

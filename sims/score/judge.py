@@ -37,9 +37,9 @@ from typing import Literal
 
 import numpy as np
 
-from design.arrays import BoolArray, FloatArray
-from design.progress import OnShare, OnStep
-from design.shape.cavity import (
+from optopad.design.arrays import BoolArray, FloatArray
+from optopad.design.progress import OnShare, OnStep
+from optopad.design.shape.cavity import (
     CavityGeometry,
     beside_chord,
     cavity_of,
@@ -48,23 +48,23 @@ from design.shape.cavity import (
     judged_pairs,
     mask_of,
 )
-from design.shape.cavity import pair_name as name_of
-from design.spec import SensorDesign
-from sims.bounds.detection_threshold import DetectionThreshold, detection_threshold
-from sims.bounds.fisher import COARSE_DEPTHS_MM, FINE_DEPTHS_MM
-from sims.bounds.observability import BOUND_ACCURACIES, MANY_PAIRS_BOUNDS, PadBounds, pad_bounds
-from sims.contact.force_curve import ForceCurve, force_curve
-from sims.contact.indentation import require_corner, require_covered, solved_press
-from sims.optics.accuracy import ACCURACIES, Accuracy
-from sims.optics.light_signals import LightSignals
-from sims.optics.tracing import trace
-from sims.press import COARSE_STEP_MM, STEP_MM, depth_schedule_mm
-from sims.readings.readout import Readout, readout_of
-from sims.score.result import Interval, JudgedPair
-from sims.verdict.builds import pair_margin, score_curves
-from sims.verdict.causes import Cause, causes_of_pad, causes_of_pairs
-from sims.verdict.depth_curve import DEADBAND_THRESHOLD, TRACE_ERROR_LIMIT
-from sims.verdict.pad_map import (
+from optopad.design.shape.cavity import pair_name as name_of
+from optopad.design.spec import SensorDesign
+from optopad.sims.bounds.detection_threshold import DetectionThreshold, detection_threshold
+from optopad.sims.bounds.fisher import COARSE_DEPTHS_MM, FINE_DEPTHS_MM
+from optopad.sims.bounds.observability import BOUND_ACCURACIES, MANY_PAIRS_BOUNDS, PadBounds, pad_bounds
+from optopad.sims.contact.force_curve import ForceCurve, force_curve
+from optopad.sims.contact.indentation import require_corner, require_covered, solved_press
+from optopad.sims.optics.accuracy import ACCURACIES, Accuracy
+from optopad.sims.optics.light_signals import LightSignals
+from optopad.sims.optics.tracing import trace
+from optopad.sims.press import COARSE_STEP_MM, STEP_MM, depth_schedule_mm
+from optopad.sims.readings.readout import Readout, readout_of
+from optopad.sims.score.result import Interval, JudgedPair
+from optopad.sims.verdict.builds import pair_margin, score_curves
+from optopad.sims.verdict.causes import Cause, causes_of_pad, causes_of_pairs
+from optopad.sims.verdict.depth_curve import DEADBAND_THRESHOLD, TRACE_ERROR_LIMIT
+from optopad.sims.verdict.pad_map import (
     COARSE_PLACES,
     FINE_PLACES,
     PadMap,
@@ -73,7 +73,7 @@ from sims.verdict.pad_map import (
     map_grid_mm,
     place_of,
 )
-from sims.verdict.presses import (
+from optopad.sims.verdict.presses import (
     DOUBT_ACCURACIES,
     MAP_ACCURACY,
     MOST_TRACED_AGAIN,

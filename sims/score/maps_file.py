@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from design.spec import SensorDesign
-from sims.bounds.observability import PadBounds, pair_names
+from optopad.design.spec import SensorDesign
+from optopad.sims.bounds.observability import PadBounds, pair_names
 
 if TYPE_CHECKING:
-    from sims.score.result import ContinuityScore
+    from optopad.sims.score.result import ContinuityScore
 
 VERSIONED = ("optopad", "numpy", "numba", "mujoco", "xarray")
 """Packages whose versions are recorded in the file."""
@@ -87,7 +87,7 @@ def maps_dataset(design: SensorDesign, score: ContinuityScore) -> xr.Dataset:
 
 def pair_names_of(design: SensorDesign) -> list[str]:
     """Names of all pairs of a design in the order E1-R1, E1-R2, ..."""
-    from design.shape.cavity import cavity_of
+    from optopad.design.shape.cavity import cavity_of
 
     return list(pair_names(cavity_of(design)))
 

@@ -3,9 +3,9 @@
     rules ──► parts and height ──► untouched light ──► pairs ──► map of the pad ──► bounds
       the evaluation ends after the first step that breaks a limit, and records the reason
 
-The stages are those of a score (`sims.score.judge`), with the settings of a search or of a score. For facing rows the
-figures are those of the governing pair; for a pad they are medians over judged pairs. The tolerance of unmeasured
-parameters is not computed.
+The stages are those of a score (`optopad.sims.score.judge`), with the settings of a search or of a score. For facing
+rows the figures are those of the governing pair; for a pad they are medians over judged pairs. The tolerance of
+unmeasured parameters is not computed.
 
 The module also has a draft verdict, computed in seconds while a layout is being moved by hand. Its light, depths and
 bounds are coarse (`SETTINGS["draft"]`):
@@ -27,25 +27,32 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from design.errors import DesignError, ModelScopeError
-from design.mold.outline import outline_of
-from design.progress import OnStep
-from design.rules.check import check, require_valid
-from design.search.figures import BOUND_FIGURES
-from design.search.improve import Judged, Limit
-from design.shape.cavity import CavityGeometry, beside_chord, cavity_of, judged_pairs, mask_of, pair_name
-from design.spec import SensorDesign
-from sims.bounds.detection_threshold import DetectionThreshold
-from sims.contact.indentation import round_press
-from sims.optics.tracing import trace
-from sims.press import depth_schedule_mm
-from sims.readings.readout import Readout
-from sims.score.judge import CLOSE_UNITS, SETTINGS, Judge, governing_pair, usable_of_pairs
-from sims.score.result import ContinuityScore, JudgedPair
-from sims.score.scoring import verdict_of
-from sims.verdict.builds import pair_margin, score_curves
-from sims.verdict.depth_curve import DEADBAND_THRESHOLD
-from sims.verdict.presses import accuracy_of_pairs, curves_of, states_of
+from optopad.design.errors import DesignError, ModelScopeError
+from optopad.design.mold.outline import outline_of
+from optopad.design.progress import OnStep
+from optopad.design.rules.check import check, require_valid
+from optopad.design.search.figures import BOUND_FIGURES
+from optopad.design.search.improve import Judged, Limit
+from optopad.design.shape.cavity import (
+    CavityGeometry,
+    beside_chord,
+    cavity_of,
+    judged_pairs,
+    mask_of,
+    pair_name,
+)
+from optopad.design.spec import SensorDesign
+from optopad.sims.bounds.detection_threshold import DetectionThreshold
+from optopad.sims.contact.indentation import round_press
+from optopad.sims.optics.tracing import trace
+from optopad.sims.press import depth_schedule_mm
+from optopad.sims.readings.readout import Readout
+from optopad.sims.score.judge import CLOSE_UNITS, SETTINGS, Judge, governing_pair, usable_of_pairs
+from optopad.sims.score.result import ContinuityScore, JudgedPair
+from optopad.sims.score.scoring import verdict_of
+from optopad.sims.verdict.builds import pair_margin, score_curves
+from optopad.sims.verdict.depth_curve import DEADBAND_THRESHOLD
+from optopad.sims.verdict.presses import accuracy_of_pairs, curves_of, states_of
 
 Pair = tuple[int, int]
 
@@ -160,7 +167,7 @@ def with_bounds(
 
     Parameters
     ----------
-    settings : name of the settings in `sims.score.judge.SETTINGS` with which the score was made
+    settings : name of the settings in `optopad.sims.score.judge.SETTINGS` with which the score was made
     """
     if score.bounds is not None or score.readout is None:
         return score
@@ -198,9 +205,10 @@ def judge(
     Parameters
     ----------
     limits : limits on figures that the design must keep; the evaluation ends after the first step that breaks one
-    wanted : names of the requested figures (from `design.search.figures`, or "verdict"), in addition to those with
+    wanted : names of the requested figures (from `optopad.design.search.figures`, or "verdict"), in addition to those
+        with
         limits
-    accuracy : name of the settings in `sims.score.judge.SETTINGS`
+    accuracy : name of the settings in `optopad.sims.score.judge.SETTINGS`
     also_mm : (x, y) of further locations of a pad to judge, such as one known to decide the verdict [mm]; locations
         outside the design's workspace are left out
     seed : random seed of the light model

@@ -11,20 +11,20 @@ from typing import Any, Literal
 
 import numpy as np
 
-from design.arrays import FloatArray
-from sims.bounds.observability import PadBounds, bounds_json
-from sims.contact.force_curve import ForceCurve
-from sims.optics.light_signals import LightSignals
-from sims.readings.readout import Readout
-from sims.verdict.builds import BuildStudy
-from sims.verdict.causes import Cause, Rise, rise_of
-from sims.verdict.depth_curve import DEADBAND_THRESHOLD, TRACE_ERROR_LIMIT, trace_noise_warning
-from sims.verdict.figure_errors import BoundaryForces, mode_errors_mm
-from sims.verdict.pad_map import PadMap
-from sims.verdict.pair_score import PairScore
-from sims.verdict.presses import PairCurves
-from sims.verdict.tolerance import FieldSteps, ToleranceBand, ToleranceRow
-from sims.verdict.trial import Trial
+from optopad.design.arrays import FloatArray
+from optopad.sims.bounds.observability import PadBounds, bounds_json
+from optopad.sims.contact.force_curve import ForceCurve
+from optopad.sims.optics.light_signals import LightSignals
+from optopad.sims.readings.readout import Readout
+from optopad.sims.verdict.builds import BuildStudy
+from optopad.sims.verdict.causes import Cause, Rise, rise_of
+from optopad.sims.verdict.depth_curve import DEADBAND_THRESHOLD, TRACE_ERROR_LIMIT, trace_noise_warning
+from optopad.sims.verdict.figure_errors import BoundaryForces, mode_errors_mm
+from optopad.sims.verdict.pad_map import PadMap
+from optopad.sims.verdict.pair_score import PairScore
+from optopad.sims.verdict.presses import PairCurves
+from optopad.sims.verdict.tolerance import FieldSteps, ToleranceBand, ToleranceRow
+from optopad.sims.verdict.trial import Trial
 
 RESTS, UNDECIDED = "the verdict rests on unmeasured parameters", "the verdict is undecided"
 """Beginnings of two warnings that the screen shows on a line of their own."""
@@ -113,7 +113,7 @@ class JudgedPair:
     """One judged pair: its name, signal against depth, score, loads and errors.
 
     `name` is, for example, E1-R3. `forces` are the loads at the boundaries of the modes, and `errors` the standard
-    errors of the figures by name (`sims.verdict.figure_errors`). Both are None if not computed.
+    errors of the figures by name (`optopad.sims.verdict.figure_errors`). Both are None if not computed.
     """
 
     name: str
@@ -162,12 +162,12 @@ class ContinuityScore(KeyFigures):
     Attributes
     ----------
     digest, name : the scored design's digest and name
-    seed, fine, full : arguments of `sims.score.scoring.score`
+    seed, fine, full : arguments of `optopad.sims.score.scoring.score`
     is_facing_rows : whether the verdict is on facing pairs (True) or on a pad (False)
     usable_range_mm : smallest and largest usable depth within the numerical error of the light model [mm]
     margin : least difference between frames (pad), or least change of the signal (facing pair), over 0.3 mm of depth
         within the usable range [noise units]; a margin below 3 means a deadband
-    governing : name of the pair that represents the others (`sims.score.judge.governing_pair`)
+    governing : name of the pair that represents the others (`optopad.sims.score.judge.governing_pair`)
     worst_pair_mm, worst_pair : total deadband of the judged pair that has most [mm], and its name
     figure_errors : standard errors of continuity, evenness and strength by name; None if not computed
     untouched_flux : (emitter, receiver) received divided by emitted power on the untouched pad [-]

@@ -5,7 +5,7 @@
     unmeasured parameters, both ends of their bands ──► the governing pair again ──► confidence
 
 Facing rows are judged pair by pair, the middle pair first. A pad is judged by all readings of a frame together
-(`sims.verdict.pad_map`). It has a DEADBAND if at any location depth is not resolved over 0.3 mm or more, but is
+(`optopad.sims.verdict.pad_map`). It has a DEADBAND if at any location depth is not resolved over 0.3 mm or more, but is
 resolved again deeper. If depth is not resolved again, the usable depth ends there.
 
 The module also estimates in advance how long a score or a whole run will take: for each stage, the number of states
@@ -26,13 +26,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from design.arrays import FloatArray
-from design.circuit.transimpedance import given_ohms, settling_findings
-from design.errors import ModelScopeError
-from design.fields.finding import FAILS, OUT_OF_SCOPE, USUAL
-from design.progress import OnStep
-from design.rules.check import check, require_valid
-from design.shape.cavity import (
+from optopad.design.arrays import FloatArray
+from optopad.design.circuit.transimpedance import given_ohms, settling_findings
+from optopad.design.errors import ModelScopeError
+from optopad.design.fields.finding import FAILS, OUT_OF_SCOPE, USUAL
+from optopad.design.progress import OnStep
+from optopad.design.rules.check import check, require_valid
+from optopad.design.shape.cavity import (
     CavityGeometry,
     cavity_of,
     chord_midpoint_mm,
@@ -42,33 +42,39 @@ from design.shape.cavity import (
     pair_name,
     plan_of,
 )
-from design.spec import SensorDesign
-from design.spec.cheap_fields import TARGET, cheap_fields
-from sims.bounds.fisher import PRESSES, SHALLOW_MM, Steps, stencil_presses
-from sims.bounds.observability import bound_depths_mm
-from sims.contact.indentation import is_in_library
-from sims.contact.pad_surface import contact_notes
-from sims.contact.scope import layer_depth, solved_depths, tip_radius_mm
-from sims.optics.accuracy import Accuracy, accuracy_of
-from sims.optics.scene.lower import scene_of
-from sims.optics.scene.symmetry import state_classes
-from sims.optics.tracing import emitter_cost_s, pair_cost_s, state_cost_s, untouched_cost_s
-from sims.press import COARSE_STEP_MM, depth_schedule_mm
-from sims.readings.readout import Readout
-from sims.score.build_tolerance import with_tolerance
-from sims.score.field_steps import with_field_steps
-from sims.score.judge import Judge, Settings, settings_of
-from sims.score.result import ContinuityScore, JudgedPair, margin_caution, noise_caution
-from sims.score.trials import with_trial
-from sims.verdict.builds import accuracy_of_builds
-from sims.verdict.figure_errors import boundary_forces, drawn_figures, figure_errors, figures_of, place_force
-from sims.verdict.pad_map import PadMap, grid_places_mm, map_grid_mm
-from sims.verdict.presses import (
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.cheap_fields import TARGET, cheap_fields
+from optopad.sims.bounds.fisher import PRESSES, SHALLOW_MM, Steps, stencil_presses
+from optopad.sims.bounds.observability import bound_depths_mm
+from optopad.sims.contact.indentation import is_in_library
+from optopad.sims.contact.pad_surface import contact_notes
+from optopad.sims.contact.scope import layer_depth, solved_depths, tip_radius_mm
+from optopad.sims.optics.accuracy import Accuracy, accuracy_of
+from optopad.sims.optics.scene.lower import scene_of
+from optopad.sims.optics.scene.symmetry import state_classes
+from optopad.sims.optics.tracing import emitter_cost_s, pair_cost_s, state_cost_s, untouched_cost_s
+from optopad.sims.press import COARSE_STEP_MM, depth_schedule_mm
+from optopad.sims.readings.readout import Readout
+from optopad.sims.score.build_tolerance import with_tolerance
+from optopad.sims.score.field_steps import with_field_steps
+from optopad.sims.score.judge import Judge, Settings, settings_of
+from optopad.sims.score.result import ContinuityScore, JudgedPair, margin_caution, noise_caution
+from optopad.sims.score.trials import with_trial
+from optopad.sims.verdict.builds import accuracy_of_builds
+from optopad.sims.verdict.figure_errors import (
+    boundary_forces,
+    drawn_figures,
+    figure_errors,
+    figures_of,
+    place_force,
+)
+from optopad.sims.verdict.pad_map import PadMap, grid_places_mm, map_grid_mm
+from optopad.sims.verdict.presses import (
     NEAR_MM,
     accuracy_of_pairs,
     map_depths_mm,
 )
-from sims.verdict.tolerance import tried_values
+from optopad.sims.verdict.tolerance import tried_values
 
 
 def score(
@@ -120,7 +126,7 @@ def verdict_of(
 
     Parameters
     ----------
-    settings : name of the settings in `sims.score.judge.SETTINGS`
+    settings : name of the settings in `optopad.sims.score.judge.SETTINGS`
 
     Raises
     ------
@@ -345,7 +351,8 @@ class ScoreCost:
 def score_cost(design: SensorDesign, *, fine: bool, full: bool, is_run: bool = False) -> ScoreCost:
     """Estimated cost of a score, or of a whole `optopad run` if `is_run` is True.
 
-    `fine` and `full` are the options of `sims.score.scoring.score`. A run adds mold, report and the firmware's files.
+    `fine` and `full` are the options of `optopad.sims.score.scoring.score`. A run adds mold, report and the firmware's
+    files.
     """
     cavity = cavity_of(design)
     row = settings_of(fine=fine, full=full).for_pairs(len(judged_pairs(cavity)))

@@ -12,12 +12,12 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from design.errors import DesignError, InputError
-from design.rules.check import require_valid
-from design.spec import SensorDesign
-from sims.score.result import ContinuityScore, JudgedPair, headline
-from sims.verdict.figure_errors import BoundaryForces, boundary_forces, place_force
-from sims.verdict.pair_score import total_length_mm
+from optopad.design.errors import DesignError, InputError
+from optopad.design.rules.check import require_valid
+from optopad.design.spec import SensorDesign
+from optopad.sims.score.result import ContinuityScore, JudgedPair, headline
+from optopad.sims.verdict.figure_errors import BoundaryForces, boundary_forces, place_force
+from optopad.sims.verdict.pair_score import total_length_mm
 
 SAMPLING_MM = 0.15
 """Error of a deadband's length due to depth steps [mm]: its change if they are doubled (docs/understand/model.md)."""

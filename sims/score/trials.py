@@ -19,20 +19,20 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
-from design.errors import OptopadError
-from design.fields.base import get_at
-from design.progress import OnStep
-from design.rules.check import check
-from design.shape.cavity import cavity_of, is_facing_rows
-from design.spec import SensorDesign
-from design.spec.cheap_fields import CLEAR, HEIGHTS
-from sims.score.build_tolerance import governing_judge
-from sims.score.judge import SETTINGS, Judge
-from sims.score.result import ContinuityScore
-from sims.verdict.builds import Brief, BuildJudge, accuracy_of_builds, facing_judge
-from sims.verdict.causes import Cause
-from sims.verdict.depth_curve import DEADBAND_THRESHOLD
-from sims.verdict.trial import Found, Move, Trial, TriedMove
+from optopad.design.errors import OptopadError
+from optopad.design.fields.base import get_at
+from optopad.design.progress import OnStep
+from optopad.design.rules.check import check
+from optopad.design.shape.cavity import cavity_of, is_facing_rows
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.cheap_fields import CLEAR, HEIGHTS
+from optopad.sims.score.build_tolerance import governing_judge
+from optopad.sims.score.judge import SETTINGS, Judge
+from optopad.sims.score.result import ContinuityScore
+from optopad.sims.verdict.builds import Brief, BuildJudge, accuracy_of_builds, facing_judge
+from optopad.sims.verdict.causes import Cause
+from optopad.sims.verdict.depth_curve import DEADBAND_THRESHOLD
+from optopad.sims.verdict.trial import Found, Move, Trial, TriedMove
 
 Line = tuple[tuple[str, int], ...]
 """Fields that change together: path of each field, and sign of its change."""

@@ -1,5 +1,5 @@
 """The rules of the verdict: presses, modes, deadbands, manufactured units, and the map of the pad's resolution.
 
-This package imports `sims.readings`, `sims.optics`, `sims.contact` and `sims.press`. The rules for one pair are in
-`pair_score`.
+This package imports `optopad.sims.readings`, `optopad.sims.optics`, `optopad.sims.contact` and `optopad.sims.press`.
+The rules for one pair are in `pair_score`.
 """

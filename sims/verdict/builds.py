@@ -24,7 +24,7 @@ Sensitivity: Spearman's rank correlation of each value with the unit's margin (o
 minus the deadband's length), and its 95 % interval after Fisher. It shows a value's effect while all others vary;
 `tolerance` varies one value at a time.
 
-Left out: the same as in `design.spec.tolerances`.
+Left out: the same as in `optopad.design.spec.tolerances`.
 """
 
 from __future__ import annotations
@@ -36,17 +36,24 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from design.arrays import BoolArray, FloatArray
-from design.errors import InputError, OptopadError
-from design.shape.cavity import cavity_of, chord_midpoint_mm, is_facing_rows, judged_pairs, mask_of, plan_of
-from design.spec import SensorDesign
-from design.spec.tolerances import Tolerance
-from sims.optics.accuracy import ACCURACIES, Accuracy
-from sims.optics.light_signals import LightSignals
-from sims.optics.tracing import trace
-from sims.press import COARSE_STEP_MM, depth_schedule_mm
-from sims.readings.readout import Readout, readout_of
-from sims.verdict.depth_curve import (
+from optopad.design.arrays import BoolArray, FloatArray
+from optopad.design.errors import InputError, OptopadError
+from optopad.design.shape.cavity import (
+    cavity_of,
+    chord_midpoint_mm,
+    is_facing_rows,
+    judged_pairs,
+    mask_of,
+    plan_of,
+)
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.tolerances import Tolerance
+from optopad.sims.optics.accuracy import ACCURACIES, Accuracy
+from optopad.sims.optics.light_signals import LightSignals
+from optopad.sims.optics.tracing import trace
+from optopad.sims.press import COARSE_STEP_MM, depth_schedule_mm
+from optopad.sims.readings.readout import Readout, readout_of
+from optopad.sims.verdict.depth_curve import (
     DEADBAND_MIN_LENGTH_MM,
     DEADBAND_THRESHOLD,
     between,
@@ -58,9 +65,9 @@ from sims.verdict.depth_curve import (
     smallest_range,
     widened_threshold,
 )
-from sims.verdict.pad_map import PadMap, place_of
-from sims.verdict.pair_score import PairScore, score_pair, total_length_mm
-from sims.verdict.presses import SECOND_SEED, Pair, PairCurves, curves_of, pair_curves, states_of
+from optopad.sims.verdict.pad_map import PadMap, place_of
+from optopad.sims.verdict.pair_score import PairScore, score_pair, total_length_mm
+from optopad.sims.verdict.presses import SECOND_SEED, Pair, PairCurves, curves_of, pair_curves, states_of
 
 ACCURACY = replace(ACCURACIES["draft"], reference_rays=4096)
 """Light settings of units; the design itself is traced the same way for comparison. On the paper's pad and pair, the

@@ -37,15 +37,15 @@ from typing import Any, Literal
 
 import numpy as np
 
-from design.arrays import FloatArray
-from design.shape.cavity import CavityGeometry, beside_chord, cavity_of, direct_path_pairs, pair_name
-from design.spec import SensorDesign
-from sims.optics.light_signals import LightSignals
-from sims.readings.readout import Readout
-from sims.verdict.depth_curve import DEADBAND_THRESHOLD, between, noise_of, noise_units, sigma_counts
-from sims.verdict.pad_map import Interval, PadMap, Place
-from sims.verdict.pair_score import PairScore, find_modes
-from sims.verdict.presses import PairCurves, curves_of
+from optopad.design.arrays import FloatArray
+from optopad.design.shape.cavity import CavityGeometry, beside_chord, cavity_of, direct_path_pairs, pair_name
+from optopad.design.spec import SensorDesign
+from optopad.sims.optics.light_signals import LightSignals
+from optopad.sims.readings.readout import Readout
+from optopad.sims.verdict.depth_curve import DEADBAND_THRESHOLD, between, noise_of, noise_units, sigma_counts
+from optopad.sims.verdict.pad_map import Interval, PadMap, Place
+from optopad.sims.verdict.pair_score import PairScore, find_modes
+from optopad.sims.verdict.presses import PairCurves, curves_of
 
 Part = Literal["smooth top", "flank of the dimple", "other light"]
 LEAST_RISE = 0.05

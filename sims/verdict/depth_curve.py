@@ -74,9 +74,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from design.arrays import BoolArray, FloatArray
-from design.errors import InputError
-from design.spec import SensorDesign
+from optopad.design.arrays import BoolArray, FloatArray
+from optopad.design.errors import InputError
+from optopad.design.spec import SensorDesign
 
 QUANTISATION_VARIANCE: Final = 1.0 / 12.0
 """Variance of rounding to whole counts [counts squared]; [S]."""

@@ -35,16 +35,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from design.arrays import FloatArray
-from design.errors import ModelScopeError
-from design.spec import SensorDesign
-from sims.contact.force_curve import LoadCurve, load_curve
-from sims.contact.indentation import solved_press
-from sims.press import depth_schedule_mm
-from sims.readings.readout import Readout
-from sims.verdict.depth_curve import DEADBAND_THRESHOLD, between, clipped, noise_of, noise_units
-from sims.verdict.pair_score import Modes, PairScore, continuity, deadband_intervals_mm, evenness
-from sims.verdict.presses import PairCurves
+from optopad.design.arrays import FloatArray
+from optopad.design.errors import ModelScopeError
+from optopad.design.spec import SensorDesign
+from optopad.sims.contact.force_curve import LoadCurve, load_curve
+from optopad.sims.contact.indentation import solved_press
+from optopad.sims.press import depth_schedule_mm
+from optopad.sims.readings.readout import Readout
+from optopad.sims.verdict.depth_curve import DEADBAND_THRESHOLD, between, clipped, noise_of, noise_units
+from optopad.sims.verdict.pair_score import Modes, PairScore, continuity, deadband_intervals_mm, evenness
+from optopad.sims.verdict.presses import PairCurves
 
 Load = tuple[float, float, float]
 """Load, and the low and high end of its band [N]."""
@@ -183,7 +183,7 @@ def _figures(
     end_mm: float,
     full_scale_counts: float,
 ) -> FloatArray:
-    """(figure,) figures of one curve of counts, computed as in `sims.verdict.pair_score`."""
+    """(figure,) figures of one curve of counts, computed as in `optopad.sims.verdict.pair_score`."""
     noise = noise_of(design)
     at_mm, counts = clipped(depth_mm, unlimited, full_scale_counts)
     _, units = between(at_mm, noise_units(counts, **noise), 0.0, end_mm)

@@ -10,7 +10,7 @@ their frames are at least 3 noise units apart:
 Depth is not resolved over an interval if no two depths in it are resolved from each other and it is at least 0.3 mm
 long; overlapping intervals are merged. An interval is a deadband if depth is resolved again below it. If it extends to
 the deepest press, the usable range ends at its start. A single pair has the same deadbands by this rule as in
-`sims.verdict.pair_score`.
+`optopad.sims.verdict.pair_score`.
 
 The numerical error of the light model adds to the distance. If light is traced twice with different seeds, the two
 results A and B are independent, and Σ ΔA ΔB is an unbiased estimate of D². The scatter of the results over n pairs,
@@ -33,13 +33,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from design.arrays import BoolArray, FloatArray
-from design.shape.cavity import CavityGeometry, cavity_of, direct_path_pairs
-from design.shape.outline import Outline
-from design.spec import SensorDesign
-from sims.optics.light_signals import LightSignals
-from sims.readings.readout import Readout
-from sims.verdict.depth_curve import (
+from optopad.design.arrays import BoolArray, FloatArray
+from optopad.design.shape.cavity import CavityGeometry, cavity_of, direct_path_pairs
+from optopad.design.shape.outline import Outline
+from optopad.design.spec import SensorDesign
+from optopad.sims.optics.light_signals import LightSignals
+from optopad.sims.readings.readout import Readout
+from optopad.sims.verdict.depth_curve import (
     DEADBAND_MIN_LENGTH_MM,
     DEADBAND_THRESHOLD,
     clipped,

@@ -35,7 +35,7 @@ enough. Several pairs together have a deadband only where the largest of their r
 The result is exact for signals that are straight, in noise units, between the given depths. A clipped reading is flat,
 so a signal over full scale shows as a deadband; `peak_share_of_full_scale` distinguishes it from a bad layout.
 Not modelled: gain drift, lag, ambient light, amplifier offset and non-linearity, crosstalk between pairs. For the error
-of the light model see `sims.verdict.depth_curve`.
+of the light model see `optopad.sims.verdict.depth_curve`.
 """
 
 from __future__ import annotations
@@ -47,9 +47,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import PchipInterpolator
 
-from design.arrays import FloatArray
-from design.errors import InputError
-from sims.verdict.depth_curve import (
+from optopad.design.arrays import FloatArray
+from optopad.design.errors import InputError
+from optopad.sims.verdict.depth_curve import (
     DEADBAND_MIN_LENGTH_MM,
     DEADBAND_THRESHOLD,
     EVENNESS_WINDOW_MM,

@@ -2,7 +2,7 @@
 
 One parameter is changed at a time, and the gain is set as it would be on that unit. Parameters whose band can change
 the verdict come first; the others follow by their largest change of deadband, then of margin. Parameters without a
-band cannot be tried. `sims.verdict.builds` varies several parameters at once.
+band cannot be tried. `optopad.sims.verdict.builds` varies several parameters at once.
 
 The module also holds the data of a sensitivity study: figures before and after a small step of one field at a time.
 """
@@ -14,11 +14,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from design.errors import OptopadError
-from design.spec import SensorDesign
-from design.spec.properties import UsedValue, used_values
-from sims.verdict.builds import Brief
-from sims.verdict.depth_curve import DEADBAND_THRESHOLD
+from optopad.design.errors import OptopadError
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.properties import UsedValue, used_values
+from optopad.sims.verdict.builds import Brief
+from optopad.sims.verdict.depth_curve import DEADBAND_THRESHOLD
 
 AMPLE_MARGIN = 2.0 * DEADBAND_THRESHOLD
 """Margin above which more margin no longer counts as an improvement, but better accuracy does [noise units]."""

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from sims.verdict.causes import Kind
+from optopad.sims.verdict.causes import Kind
 
 Found = Literal["move", "more parts", "none"]
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from sims.optics.engine.trace_states import CLASS_NAMES, trace_scene
-from sims.optics.scene.optical_scene import OpticalScene
+from optopad.sims.optics.engine.trace_states import CLASS_NAMES, trace_scene
+from optopad.sims.optics.scene.optical_scene import OpticalScene
 from tests.sims.optics.surface.analytic import compact_dimple
 
 PLACES = (4.0, 12.0, 20.0, 28.0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from design.preset import preset
+from optopad.design.preset import preset
 from optopad.report.scenes.ray_scene import ray_scene
 from optopad.report.sections.rays import rays_section
 from tests.sims.made_up_scores import dead_score

@@ -11,10 +11,10 @@ import time
 
 import pytest
 
-from design.search.explore import explore
-from design.search.improve import Judged
-from design.search.space import load_space
-from sims.score.objective import judge
+from optopad.design.search.explore import explore
+from optopad.design.search.improve import Judged
+from optopad.design.search.space import load_space
+from optopad.sims.score.objective import judge
 
 CORES = 2
 HOUR_S = 3600.0

@@ -8,10 +8,10 @@ import time
 import numba
 import pytest
 
-from design.preset import preset
-from design.spec.tolerances import build_tolerances
+from optopad.design.preset import preset
+from optopad.design.spec.tolerances import build_tolerances
 from optopad.jobs.sweep import run_sweep
-from sims.verdict.builds import build_study, facing_judge
+from optopad.sims.verdict.builds import build_study, facing_judge
 
 PAIR = preset("piacenza2017-pair")
 SWEEP_LIMIT_S = 30.0

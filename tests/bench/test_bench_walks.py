@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sims.optics.oracle.tracer import trace_oracle
+from optopad.sims.optics.oracle.tracer import trace_oracle
 from tests.bench.measures.benchmark_states import benchmark_scene, different_walls
 from tests.bench.measures.forward_walk import Walked, walk
 from tests.bench.measures.walk_cost import (

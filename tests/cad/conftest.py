@@ -10,13 +10,13 @@ import cadquery as cq
 import numpy as np
 import pytest
 
-from cad.export import part_files
-from cad.mesh import Mesh, read_stl
-from cad.mold import build_mold
-from design.errors import DesignError
-from design.preset import FLAT_PRESETS, PRESETS, preset
-from design.rules.check import require_valid
-from design.spec import SensorDesign
+from optopad.cad.export import part_files
+from optopad.cad.mesh import Mesh, read_stl
+from optopad.cad.mold import build_mold
+from optopad.design.errors import DesignError
+from optopad.design.preset import FLAT_PRESETS, PRESETS, preset
+from optopad.design.rules.check import require_valid
+from optopad.design.spec import SensorDesign
 
 FAST = ("piacenza2017-pair", "levi2013-disc", "crowned-40x25")
 """The preset of each kind that is built soonest: flat, a disc, crowned. The others are built in slow tests."""

@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 
-from cad.checks import PartFile, check_parts, design_findings, overhang_area_mm2
-from cad.mesh import Mesh, stl_bytes
-from cad.volume import mold_volume_mm3
-from design.preset import preset
+from optopad.cad.checks import PartFile, check_parts, design_findings, overhang_area_mm2
+from optopad.cad.mesh import Mesh, stl_bytes
+from optopad.cad.volume import mold_volume_mm3
+from optopad.design.preset import preset
 
 PAIR = preset("piacenza2017-pair")
 CUBE_CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=np.float32)

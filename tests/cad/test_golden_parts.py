@@ -8,8 +8,8 @@ import zipfile
 import pytest
 import trimesh
 
-from design.preset import FLAT_PRESETS, SHAPED_PRESETS, preset
-from design.shape.cavity import cavity_of
+from optopad.design.preset import FLAT_PRESETS, SHAPED_PRESETS, preset
+from optopad.design.shape.cavity import cavity_of
 from tests.cad.golden_parts import RECORDED
 
 MOLDS = FLAT_PRESETS + SHAPED_PRESETS

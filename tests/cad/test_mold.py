@@ -11,19 +11,19 @@ import numpy as np
 import pytest
 import trimesh
 
-from cad.checks import cavity_agreement, first_hits_mm
-from cad.export import export_parts, part_files, step_bytes
-from cad.indenter_tip import indenter_tip, indenter_tip_volume_mm3, shank_mm
-from cad.leveling_blade import blade_size, leveling_blade
-from cad.mesh import mesh_of, read_stl, stl_bytes
-from cad.mold import build_mold
-from cad.volume import mold_volume_mm3, shared_with_lip_mm3
-from design.errors import DesignError
-from design.mold.outline import bed_lift_mm, outline_of
-from design.mold.sockets import Cut
-from design.preset import preset
-from design.shape.cavity import cavity_of
-from design.spec.indenter import tip_height_mm
+from optopad.cad.checks import cavity_agreement, first_hits_mm
+from optopad.cad.export import export_parts, part_files, step_bytes
+from optopad.cad.indenter_tip import indenter_tip, indenter_tip_volume_mm3, shank_mm
+from optopad.cad.leveling_blade import blade_size, leveling_blade
+from optopad.cad.mesh import mesh_of, read_stl, stl_bytes
+from optopad.cad.mold import build_mold
+from optopad.cad.volume import mold_volume_mm3, shared_with_lip_mm3
+from optopad.design.errors import DesignError
+from optopad.design.mold.outline import bed_lift_mm, outline_of
+from optopad.design.mold.sockets import Cut
+from optopad.design.preset import preset
+from optopad.design.shape.cavity import cavity_of
+from optopad.design.spec.indenter import tip_height_mm
 from tests.cad.golden_parts import RECORDED
 
 TOOLS = ("leveling_blade.stl", "pour_gauge.stl", "solder_jig.stl", "indenter_tip.stl")

@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 import trimesh
 
-from cad.checks import cavity_agreement
-from cad.export import part_files
-from cad.mesh import read_stl
-from cad.mold import build_mold
-from cad.volume import mold_volume_mm3
-from design.errors import DesignError
-from design.mold.label import label_lines, letters, mold_label
-from design.mold.outline import outline_of
-from design.preset import preset
-from design.rules.check import check, require_valid
-from design.shape.cavity import cavity_of
-from design.spec import SensorDesign
+from optopad.cad.checks import cavity_agreement
+from optopad.cad.export import part_files
+from optopad.cad.mesh import read_stl
+from optopad.cad.mold import build_mold
+from optopad.cad.volume import mold_volume_mm3
+from optopad.design.errors import DesignError
+from optopad.design.mold.label import label_lines, letters, mold_label
+from optopad.design.mold.outline import outline_of
+from optopad.design.preset import preset
+from optopad.design.rules.check import check, require_valid
+from optopad.design.shape.cavity import cavity_of
+from optopad.design.spec import SensorDesign
 
 PAIR = preset("piacenza2017-pair")
 

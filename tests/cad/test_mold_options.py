@@ -7,25 +7,25 @@ import numpy as np
 import pytest
 import trimesh
 
-from cad.checks import PartFile, cavity_agreement, check_parts, design_findings
-from cad.export import export_parts, part_files
-from cad.indenter_tip import shank_mm
-from cad.mesh import mesh_of as solid_mesh
-from cad.mold import build_mold
-from cad.pour_gauge import gauge_size, pour_gauge
-from cad.solder_jig import jig_size, solder_jig
-from cad.volume import base_volume_mm3, mold_volume_mm3
-from design.errors import DesignError, InputError
-from design.mold.lettering import area_mm2
-from design.mold.outline import bed_lift_mm, outline_of
-from design.mold.part_numbers import DEPTH_MM
-from design.parts.assumptions import bed_of
-from design.parts.catalog import find_board, packaged
-from design.preset import FLAT_PRESETS, PRESETS, preset
-from design.rules.check import require_valid
-from design.shape.cavity import cavity_of
-from design.spec.fits import fit
-from fabrication.connections import connections_of
+from optopad.cad.checks import PartFile, cavity_agreement, check_parts, design_findings
+from optopad.cad.export import export_parts, part_files
+from optopad.cad.indenter_tip import shank_mm
+from optopad.cad.mesh import mesh_of as solid_mesh
+from optopad.cad.mold import build_mold
+from optopad.cad.pour_gauge import gauge_size, pour_gauge
+from optopad.cad.solder_jig import jig_size, solder_jig
+from optopad.cad.volume import base_volume_mm3, mold_volume_mm3
+from optopad.design.errors import DesignError, InputError
+from optopad.design.mold.lettering import area_mm2
+from optopad.design.mold.outline import bed_lift_mm, outline_of
+from optopad.design.mold.part_numbers import DEPTH_MM
+from optopad.design.parts.assumptions import bed_of
+from optopad.design.parts.catalog import find_board, packaged
+from optopad.design.preset import FLAT_PRESETS, PRESETS, preset
+from optopad.design.rules.check import require_valid
+from optopad.design.shape.cavity import cavity_of
+from optopad.design.spec.fits import fit
+from optopad.fabrication.connections import connections_of
 from tests.said import says
 
 PAD, FINGER, PAIR = preset("piacenza2017-pad"), preset("fingertip-16"), preset("piacenza2017-pair")

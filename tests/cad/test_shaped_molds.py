@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 import trimesh
 
-from cad.checks import cavity_agreement, design_findings, dish_agreement, first_hits_mm
-from cad.export import export_parts, part_files
-from cad.leveling_blade import PLAY_MM as BLADE_PLAY_MM
-from cad.leveling_blade import blade_size, leveling_blade
-from cad.lid import DRAFT_DEG, OVER_CROWN_MM, lid, lid_size, turned_over
-from cad.mesh import CHORD_LIMIT_MM, CHORD_MM, mesh_of, read_stl
-from cad.mold import build_mold
-from cad.pour_gauge import gauge_size
-from cad.volume import lid_volume_mm3, mold_volume_mm3
-from design.mold.outline import bed_lift_mm, outline_of
-from design.preset import FLAT_PRESETS, SHAPED_PRESETS, preset
-from design.shape.cavity import cavity_of
+from optopad.cad.checks import cavity_agreement, design_findings, dish_agreement, first_hits_mm
+from optopad.cad.export import export_parts, part_files
+from optopad.cad.leveling_blade import PLAY_MM as BLADE_PLAY_MM
+from optopad.cad.leveling_blade import blade_size, leveling_blade
+from optopad.cad.lid import DRAFT_DEG, OVER_CROWN_MM, lid, lid_size, turned_over
+from optopad.cad.mesh import CHORD_LIMIT_MM, CHORD_MM, mesh_of, read_stl
+from optopad.cad.mold import build_mold
+from optopad.cad.pour_gauge import gauge_size
+from optopad.cad.volume import lid_volume_mm3, mold_volume_mm3
+from optopad.design.mold.outline import bed_lift_mm, outline_of
+from optopad.design.preset import FLAT_PRESETS, SHAPED_PRESETS, preset
+from optopad.design.shape.cavity import cavity_of
 from tests.cad.conftest import presets
 
 DISC, CROWNED, DOME, STADIUM = (preset(name) for name in SHAPED_PRESETS)
@@ -314,7 +314,7 @@ def test_the_finish_of_a_cast_top_is_told_for_crowned_pads_alone(name, built_of)
 
 def test_a_lid_left_over_from_a_crowned_pad_is_removed(tmp_path, monkeypatch):
     contents = [{"lid.stl": b"", "mold.stl": b""}, {"mold.stl": b""}]
-    monkeypatch.setattr("cad.export.part_files", lambda *_, **__: contents.pop(0))
+    monkeypatch.setattr("optopad.cad.export.part_files", lambda *_, **__: contents.pop(0))
     assert "lid.stl" in export_parts(DOME, tmp_path)
     export_parts(DOME, tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["mold.stl"]

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 import trimesh
 
-from cad import slicer
-from cad.checks import PartFile, check_parts, with_slices
-from cad.export import export_parts, part_files
-from cad.slicer import minutes_of, sliced, slicer_command
-from cad.volume import mold_volume_mm3
-from design.errors import InputError
-from design.preset import preset
+from optopad.cad import slicer
+from optopad.cad.checks import PartFile, check_parts, with_slices
+from optopad.cad.export import export_parts, part_files
+from optopad.cad.slicer import minutes_of, sliced, slicer_command
+from optopad.cad.volume import mold_volume_mm3
+from optopad.design.errors import InputError
+from optopad.design.preset import preset
 
 PAIR = preset("piacenza2017-pair")
 BED = (250.0, 210.0, 210.0)

@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from design.errors import DesignError
-from design.fields.validation import PATTERN_WORDS
-from design.io import file_schema, load_design
-from design.rules.check import check, require_valid
+from optopad.design.errors import DesignError
+from optopad.design.fields.validation import PATTERN_WORDS
+from optopad.design.io import file_schema, load_design
+from optopad.design.rules.check import check, require_valid
 from tests.design.bad_designs import BAD_DESIGNS, FILE_NAME, design_text, put
 
 JARGON = ("type=", "https://", "pydantic", "Traceback", "input_value", "validation error", "NoneType")

@@ -11,18 +11,18 @@ from pathlib import Path
 
 import pytest
 
-from design.errors import OutputError
-from design.file_sets import settle, written_together
-from design.files import ABANDONED_S, locked, whole_file, whole_folder
-from design.io import load_design, save_design
-from design.preset import preset
+from optopad.design.errors import OutputError
+from optopad.design.file_sets import settle, written_together
+from optopad.design.files import ABANDONED_S, locked, whole_file, whole_folder
+from optopad.design.io import load_design, save_design
+from optopad.design.preset import preset
 
 ROOT = Path(__file__).parents[2]
 OLD, NEW = dict.fromkeys(("a", "b", "gone"), "old"), dict.fromkeys(("a", "b", "c"), "new")
 DIES = """
 import os, sys
 from pathlib import Path
-from design.file_sets import written_together
+from optopad.design.file_sets import written_together
 
 replace, left = os.replace, [int(sys.argv[2])]
 

@@ -13,19 +13,19 @@ import pytest
 import tomlkit
 from hypothesis import given, settings
 
-from design.errors import DesignError, OptopadError
-from design.file_sets import written_together
-from design.io import (
+from optopad.design.errors import DesignError, OptopadError
+from optopad.design.file_sets import written_together
+from optopad.design.io import (
     dump_design,
     load_design,
     save_design,
     without_empty,
     write_text_atomically,
 )
-from design.parts import catalog
-from design.preset import PRESETS, preset, preset_text
-from design.rules.check import check, require_valid
-from design.spec import SensorDesign
+from optopad.design.parts import catalog
+from optopad.design.preset import PRESETS, preset, preset_text
+from optopad.design.rules.check import check, require_valid
+from optopad.design.spec import SensorDesign
 from tests.design.bad_designs import design_text
 from tests.design.spec.spec_fields import designs, good
 

@@ -12,10 +12,10 @@ import h5py
 import numpy as np
 import pytest
 
-from design.errors import InputError
-from design.netcdf_file import limited_hdf5
-from sims.readings.dataset import read_data, save_data
-from sims.readings.recording import read_recording
+from optopad.design.errors import InputError
+from optopad.design.netcdf_file import limited_hdf5
+from optopad.sims.readings.dataset import read_data, save_data
+from optopad.sims.readings.recording import read_recording
 from tests.sims.readings.test_dataset import made_up
 
 MOST = 2_000_000

@@ -4,14 +4,14 @@ import tomllib
 
 import pytest
 
-from design.errors import InputError
-from design.part_entry import LedSheet, PhotodiodeSheet, part_entry
-from design.parts.catalog import packaged, parse_entries
-from design.parts.packages import packages
-from design.parts.photometry import Intensity
-from design.rules.check import check
-from design.rules.mold import housing_notes
-from design.shape.cavity import cavity_of
+from optopad.design.errors import InputError
+from optopad.design.part_entry import LedSheet, PhotodiodeSheet, part_entry
+from optopad.design.parts.catalog import packaged, parse_entries
+from optopad.design.parts.packages import packages
+from optopad.design.parts.photometry import Intensity
+from optopad.design.rules.check import check
+from optopad.design.rules.mold import housing_notes
+from optopad.design.shape.cavity import cavity_of
 from tests.design.spec.spec_fields import good
 from tests.said import says
 

@@ -6,11 +6,11 @@ import tomllib
 
 import pytest
 
-from design.errors import InputError
-from design.preset import PRESETS, new_text, preset, preset_text
-from design.rules.check import check
-from design.shape.cavity import cavity_of, facing_pairs
-from design.spec import SensorDesign
+from optopad.design.errors import InputError
+from optopad.design.preset import PRESETS, new_text, preset, preset_text
+from optopad.design.rules.check import check
+from optopad.design.shape.cavity import cavity_of, facing_pairs
+from optopad.design.spec import SensorDesign
 from tests.said import says
 
 

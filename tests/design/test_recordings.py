@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from design.errors import InputError
-from design.recordings import UNNAMED, SetEntry, sets_json, signals_of
+from optopad.design.errors import InputError
+from optopad.design.recordings import UNNAMED, SetEntry, sets_json, signals_of
 from tests.said import pattern
 
 

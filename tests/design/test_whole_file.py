@@ -12,9 +12,9 @@ from typing import Annotated, Any, NoReturn
 import pytest
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
-from design.errors import InputError, OutputError
-from design.file_sets import written_together
-from design.files import (
+from optopad.design.errors import InputError, OutputError
+from optopad.design.file_sets import written_together
+from optopad.design.files import (
     folder_fault,
     name_fault,
     own_folder,
@@ -23,11 +23,11 @@ from design.files import (
     whole_file,
     write_whole,
 )
-from design.io import save_design, write_text_atomically
-from design.preset import preset
-from design.press_protocol import PressProtocol, PressSet
-from design.search.space import SearchSpace
-from design.spec import SensorDesign
+from optopad.design.io import save_design, write_text_atomically
+from optopad.design.preset import preset
+from optopad.design.press_protocol import PressProtocol, PressSet
+from optopad.design.search.space import SearchSpace
+from optopad.design.spec import SensorDesign
 
 DEVICES = ["CON", "con", "Prn", "AUX", "nul", "COM1", "com9", "LPT1", "lpt9", "LPT²", "CONIN$"]
 WRITERS = {

@@ -68,7 +68,7 @@ def every_field() -> str:
 
 def design_schema() -> Schema:
     """What `optopad schema` writes."""
-    from design.io import file_schema
+    from optopad.design.io import file_schema
 
     return file_schema()
 

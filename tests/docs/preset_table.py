@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from design.circuit.pins import board_of
-from design.mold.outline import outline_of
-from design.preset import PRESETS, preset
-from design.shape.cavity import cavity_of
-from design.shape.outline import Outline
-from design.spec import SensorDesign
-from fabrication.sheets import svg
-from fabrication.sheets.table import number, size_words
-from fabrication.sheets.wiring_svg import EMITTER_COLOUR, LINE_COLOUR, RECEIVER_COLOUR
+from optopad.design.circuit.pins import board_of
+from optopad.design.mold.outline import outline_of
+from optopad.design.preset import PRESETS, preset
+from optopad.design.shape.cavity import cavity_of
+from optopad.design.shape.outline import Outline
+from optopad.design.spec import SensorDesign
+from optopad.fabrication.sheets import svg
+from optopad.fabrication.sheets.table import number, size_words
+from optopad.fabrication.sheets.wiring_svg import EMITTER_COLOUR, LINE_COLOUR, RECEIVER_COLOUR
 from optopad.report.scenes.mold_scene import body_corners_mm
 
 PICTURE_PX = 110.0

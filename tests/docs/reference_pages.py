@@ -11,8 +11,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from design.io import write_text_atomically
-from design.preset import PRESETS, preset
+from optopad.design.io import write_text_atomically
+from optopad.design.preset import PRESETS, preset
 from tests.docs.command_text import every_verb
 from tests.docs.field_text import every_field
 from tests.docs.preset_table import preset_picture, presets_table

@@ -14,7 +14,7 @@ from typer.exceptions import TyperException
 
 from optopad.cli import main
 from optopad.cli.commands import whole_command
-from sims.learning.inference.model_file import save_model
+from optopad.sims.learning.inference.model_file import save_model
 from tests.docs.docs_board import started_board
 from tests.fabrication.driver.made_up_model import header, made_up_model
 from tests.fabrication.simulated_board import missing_compiler
@@ -94,10 +94,10 @@ def few_presses(design_file: Path, recording: Path) -> None:
     """A recording of nine presses of a simulated build, its emitters a little high."""
     from dataclasses import replace
 
-    from design.io import load_design
-    from design.press_protocol import protocol_from
-    from sims.readings.dataset import save_data
-    from sims.readings.protocol import draw, protocol_curves
+    from optopad.design.io import load_design
+    from optopad.design.press_protocol import protocol_from
+    from optopad.sims.readings.dataset import save_data
+    from optopad.sims.readings.protocol import draw, protocol_curves
 
     design = load_design(design_file)
     approach = [
@@ -135,7 +135,7 @@ def prepare(page: Path, *, with_data: bool = False) -> None:
         if with_data:
             few_presses(Path("my-pad.toml"), Path("presses.nc"))
     if page.name == "train-learner.md" and with_data:
-        from sims.readings.dataset import save_data
+        from optopad.sims.readings.dataset import save_data
         from tests.sims.learning.pressed_pad import grid_mm, made_up_data
 
         save_data(made_up_data(grid_mm(6), sets=2), Path("presses.nc"))

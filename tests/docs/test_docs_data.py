@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from design.preset import preset
-from sims.learning.inference.model_file import save_model
-from sims.readings.readout import save_dataset
-from sims.score.maps_file import bounds_dataset, provenance
+from optopad.design.preset import preset
+from optopad.sims.learning.inference.model_file import save_model
+from optopad.sims.readings.readout import save_dataset
+from optopad.sims.score.maps_file import bounds_dataset, provenance
 from tests.sims.learning.made_up_models import made_up_kernel_ridge
 from tests.sims.made_up_bounds import made_up_bounds
 

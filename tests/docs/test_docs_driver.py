@@ -12,14 +12,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from design.preset import preset
-from fabrication.driver.recording.export import read_recorded
-from fabrication.driver.simulated.finger import NO_FINGER, Finger, FingerPath
-from fabrication.driver.simulated.port import FakePort, PtyWire
-from fabrication.driver_config import dump_driver_config
-from fabrication.stage.fake_printer import FakePrinter, TipFinger
-from sims.learning.inference.model_file import save_model
-from sims.readings.dataset import read_data
+from optopad.design.preset import preset
+from optopad.fabrication.driver.recording.export import read_recorded
+from optopad.fabrication.driver.simulated.finger import NO_FINGER, Finger, FingerPath
+from optopad.fabrication.driver.simulated.port import FakePort, PtyWire
+from optopad.fabrication.driver_config import dump_driver_config
+from optopad.fabrication.stage.fake_printer import FakePrinter, TipFinger
+from optopad.sims.learning.inference.model_file import save_model
+from optopad.sims.readings.dataset import read_data
 from tests.fabrication.driver.made_up_model import made_up_model
 from tests.fabrication.driver.made_up_pad import board, untouched
 

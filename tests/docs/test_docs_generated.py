@@ -4,9 +4,9 @@ import re
 
 import pytest
 
-from design.fields.base import known_values
-from design.preset import PRESETS, preset
-from design.spec import SensorDesign
+from optopad.design.fields.base import known_values
+from optopad.design.preset import PRESETS, preset
+from optopad.design.spec import SensorDesign
 from tests.docs.field_text import Field, design_schema, sections
 from tests.docs.preset_table import preset_picture
 from tests.docs.reference_pages import FOLDER, PAGES, PICTURES, page_text

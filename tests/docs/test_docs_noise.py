@@ -4,7 +4,7 @@ import json
 import re
 from pathlib import Path
 
-from design.spec.sensor import Noise
+from optopad.design.spec.sensor import Noise
 
 PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "simulate-data-set.md"
 

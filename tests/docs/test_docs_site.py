@@ -15,15 +15,15 @@ TOCTREE = re.compile(r"^```\{toctree\}\n(.*?)^```", flags=re.DOTALL | re.MULTILI
 NAMED_PAGE = re.compile(r"\bdocs/[A-Za-z0-9_/-]+\.md\b")
 CODE = ("design", "cad", "sims", "fabrication", "optopad", "tests", ".ci")
 STABLE_NAMES = (
-    "design.spec.SensorDesign",
-    "design.io.load_design",
-    "design.io.save_design",
-    "cad.mold.build_mold",
-    "cad.export.export_parts",
-    "sims.contact.indent",
-    "sims.optics.trace",
-    "sims.score.score",
-    "fabrication.driver.Sensor",
+    "optopad.design.spec.SensorDesign",
+    "optopad.design.io.load_design",
+    "optopad.design.io.save_design",
+    "optopad.cad.mold.build_mold",
+    "optopad.cad.export.export_parts",
+    "optopad.sims.contact.indent",
+    "optopad.sims.optics.trace",
+    "optopad.sims.score.score",
+    "optopad.fabrication.driver.Sensor",
 )
 
 

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from design.circuit.pins import board_of, frame_time_ms
-from design.parts.catalog import packaged
-from design.preset import preset
+from optopad.design.circuit.pins import board_of, frame_time_ms
+from optopad.design.parts.catalog import packaged
+from optopad.design.preset import preset
 from tests.validation.figures import PAGE, QUOTED, figures, page_text, quoted_anew, quoting
 from tests.validation.summaries import SUMMARIES, with_summaries
 

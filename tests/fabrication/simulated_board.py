@@ -23,12 +23,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from design.arrays import FloatArray, IntArray
-from design.parts.board_firmware import BoardFirmware
-from design.parts.catalog import find_board
-from design.spec import SensorDesign
-from design.spec.properties import entries_of
-from fabrication.driver.link.protocol import (
+from optopad.design.arrays import FloatArray, IntArray
+from optopad.design.parts.board_firmware import BoardFirmware
+from optopad.design.parts.catalog import find_board
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.properties import entries_of
+from optopad.fabrication.driver.link.protocol import (
     FrameFormat,
     Hello,
     Kind,
@@ -39,9 +39,9 @@ from fabrication.driver.link.protocol import (
     unpack_hello,
     unpack_self_test,
 )
-from fabrication.driver.link.scanner import Scanner
-from fabrication.flash import COMPILER, compile_elf, has_compiler
-from fabrication.sketch import FirmwareSettings, ReceiverInput, firmware_settings, write_sketch
+from optopad.fabrication.driver.link.scanner import Scanner
+from optopad.fabrication.flash import COMPILER, compile_elf, has_compiler
+from optopad.fabrication.sketch import FirmwareSettings, ReceiverInput, firmware_settings, write_sketch
 
 LOOP = Path(__file__).parent / "loop"
 HARNESS = LOOP / "simulated_board.c"
@@ -210,9 +210,9 @@ def random_table(settings: FirmwareSettings, seed: int = 0) -> IntArray:
 
 def light_table_mv(design: SensorDesign) -> IntArray:
     """(state, receiver) voltages of a pressed pad by the light model, at the design's gain, on ambient light [mV]."""
-    from design.shape.cavity import cavity_of, judged_pairs, mask_of
-    from sims.optics import trace
-    from sims.readings.readout import readout_of
+    from optopad.design.shape.cavity import cavity_of, judged_pairs, mask_of
+    from optopad.sims.optics import trace
+    from optopad.sims.readings.readout import readout_of
 
     light = trace(design, np.array([[16.0, 16.0, 0.0], [12.0, 20.0, 2.0]]), accuracy="draft", seed=0)
     cavity = cavity_of(design)

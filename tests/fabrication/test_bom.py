@@ -9,17 +9,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from design.circuit.emitter_switch import emitter_switch, most_drive_ma
-from design.circuit.pins import board_of
-from design.parts.assumptions import assumption, standard_at_least, standard_at_most
-from design.parts.catalog import Part
-from design.preset import PRESETS, preset
-from design.shape.cavity import cavity_of
-from design.spec import SensorDesign
-from design.spec.properties import part_of
-from fabrication.sheets.bom import COLUMNS, bom_csv, bom_rows
-from fabrication.sheets.silicone import pours
-from fabrication.sheets.table import csv_text, safe_text
+from optopad.design.circuit.emitter_switch import emitter_switch, most_drive_ma
+from optopad.design.circuit.pins import board_of
+from optopad.design.parts.assumptions import assumption, standard_at_least, standard_at_most
+from optopad.design.parts.catalog import Part
+from optopad.design.preset import PRESETS, preset
+from optopad.design.shape.cavity import cavity_of
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.properties import part_of
+from optopad.fabrication.sheets.bom import COLUMNS, bom_csv, bom_rows
+from optopad.fabrication.sheets.silicone import pours
+from optopad.fabrication.sheets.table import csv_text, safe_text
 
 PAD = preset("piacenza2017-pad")
 

@@ -16,12 +16,12 @@ from typing import NoReturn
 
 import pytest
 
-from design.errors import InputError, OutputError
-from design.preset import preset
-from design.spec import SensorDesign
-from fabrication import bundle as module
-from fabrication.bundle import MANIFEST, altered_files, bundle, bundle_name, with_other_line_ends
 from optopad.cli import main
+from optopad.design.errors import InputError, OutputError
+from optopad.design.preset import preset
+from optopad.design.spec import SensorDesign
+from optopad.fabrication import bundle as module
+from optopad.fabrication.bundle import MANIFEST, altered_files, bundle, bundle_name, with_other_line_ends
 
 PAD = preset("piacenza2017-pad")
 ROOT = Path(__file__).parents[2]
@@ -52,8 +52,8 @@ def full_disk(*_: object, **__: object) -> NoReturn:
 WRITER = """
 import sys, time
 from pathlib import Path
-from design.preset import preset
-from fabrication.bundle import bundle
+from optopad.design.preset import preset
+from optopad.fabrication.bundle import bundle
 name, out = sys.argv[1], Path(sys.argv[2])
 with bundle(preset("piacenza2017-pad"), out, seed=0) as folder:
     (folder / name).write_text(name)
@@ -328,8 +328,8 @@ def test_a_second_command_keeps_what_the_first_one_made(tmp_path: Path) -> None:
 
 OTHER = """
 from pathlib import Path
-from design.preset import preset
-from fabrication.bundle import bundle
+from optopad.design.preset import preset
+from optopad.fabrication.bundle import bundle
 with bundle(preset("piacenza2017-pad"), Path({out!r}), seed=7) as folder:
     (folder / "both.txt").write_text("other")
     (folder / "gone.txt").unlink()

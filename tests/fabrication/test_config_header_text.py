@@ -2,7 +2,7 @@
 
 import pytest
 
-from fabrication.sketch import plain
+from optopad.fabrication.sketch import plain
 
 
 @pytest.mark.parametrize(

@@ -8,27 +8,27 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from design.circuit.pins import (
+from optopad.design.circuit.pins import (
     board_of,
     frame_bytes,
     frame_time_ms,
     sending_time_ms,
     shift_register_of,
 )
-from design.errors import DeviceError
-from design.preset import preset
-from design.recordings import lit_emitters, nearest_dark_states, signals_of, with_one_dark
-from design.spec import SensorDesign
-from fabrication.driver import Sensor
-from fabrication.driver.link.link import check_hello
-from fabrication.driver.link.protocol import Command, Kind, pack_command, unpack_hello
-from fabrication.driver.simulated.board import FakeBoard
-from fabrication.driver.simulated.port import FakePort
-from fabrication.driver_config import driver_config, dump_driver_config
-from fabrication.driver_file import config_from_document
-from fabrication.sketch import firmware_settings
-from sims.readings.readout import Readout
-from sims.readings.signal_chain import chain_of, without_noise
+from optopad.design.errors import DeviceError
+from optopad.design.preset import preset
+from optopad.design.recordings import lit_emitters, nearest_dark_states, signals_of, with_one_dark
+from optopad.design.spec import SensorDesign
+from optopad.fabrication.driver import Sensor
+from optopad.fabrication.driver.link.link import check_hello
+from optopad.fabrication.driver.link.protocol import Command, Kind, pack_command, unpack_hello
+from optopad.fabrication.driver.simulated.board import FakeBoard
+from optopad.fabrication.driver.simulated.port import FakePort
+from optopad.fabrication.driver_config import driver_config, dump_driver_config
+from optopad.fabrication.driver_file import config_from_document
+from optopad.fabrication.sketch import firmware_settings
+from optopad.sims.readings.readout import Readout
+from optopad.sims.readings.signal_chain import chain_of, without_noise
 from tests.fabrication.driver.made_up_pad import press_table, untouched
 from tests.fabrication.simulated_board import (
     INPUT_HELD,

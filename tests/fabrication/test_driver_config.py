@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from design.circuit.pins import assigned_pins
-from design.errors import InputError
-from design.preset import PRESETS, preset
-from design.shape.cavity import cavity_of
-from design.spec import SensorDesign
-from fabrication.driver_config import driver_config, dump_driver_config
-from fabrication.driver_file import (
+from optopad.design.circuit.pins import assigned_pins
+from optopad.design.errors import InputError
+from optopad.design.preset import PRESETS, preset
+from optopad.design.shape.cavity import cavity_of
+from optopad.design.spec import SensorDesign
+from optopad.fabrication.driver_config import driver_config, dump_driver_config
+from optopad.fabrication.driver_file import (
     CHECKSUM,
     DriverConfig,
     EmitterEntry,
@@ -26,7 +26,7 @@ from fabrication.driver_file import (
     content_sha256,
     load_driver_config,
 )
-from fabrication.record import plain_of
+from optopad.fabrication.record import plain_of
 
 PAD = preset("piacenza2017-pad")
 
@@ -241,7 +241,7 @@ def test_a_missing_field_is_named(field: str) -> None:
 
 def test_the_reader_needs_the_standard_library_only() -> None:
     program = (
-        "import sys; import fabrication.driver_file; "
+        "import sys; import optopad.fabrication.driver_file; "
         "print([n for n in ('numpy', 'pydantic', 'tomlkit', 'cadquery', 'mujoco', 'numba') if n in sys.modules])"
     )
     root = Path(__file__).parents[2]

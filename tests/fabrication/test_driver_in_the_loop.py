@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from design.errors import DeviceError
-from design.preset import preset
-from design.spec import SensorDesign
-from fabrication.driver.check import check_frames
-from fabrication.driver.sensor import Sensor
-from fabrication.driver.simulated.faults import faults_of
-from fabrication.driver_config import dump_driver_config
-from fabrication.sketch import firmware_settings
+from optopad.design.errors import DeviceError
+from optopad.design.preset import preset
+from optopad.design.spec import SensorDesign
+from optopad.fabrication.driver.check import check_frames
+from optopad.fabrication.driver.sensor import Sensor
+from optopad.fabrication.driver.simulated.faults import faults_of
+from optopad.fabrication.driver_config import dump_driver_config
+from optopad.fabrication.sketch import firmware_settings
 from tests.fabrication.driver.made_up_pad import pad_config, untouched
 from tests.fabrication.simulated_board import (
     FULL_SCALE,

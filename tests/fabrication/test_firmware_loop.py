@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from design.preset import preset
-from design.spec import SensorDesign
-from fabrication.driver.link.protocol import Command, Kind, pack_command
-from fabrication.sketch import firmware_settings
+from optopad.design.preset import preset
+from optopad.design.spec import SensorDesign
+from optopad.fabrication.driver.link.protocol import Command, Kind, pack_command
+from optopad.fabrication.sketch import firmware_settings
 from tests.fabrication.simulated_board import (
     Run,
     harness_name,

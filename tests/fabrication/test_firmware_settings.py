@@ -10,17 +10,17 @@ from pathlib import Path
 
 import pytest
 
-from design.circuit.pins import board_of
-from design.errors import DesignError
-from design.parts.catalog import packaged
-from design.preset import PRESETS, preset
-from design.rules.check import check
-from design.spec import SensorDesign
-from fabrication.driver.link.protocol import Command, pack_command
-from fabrication.driver_config import dump_driver_config
-from fabrication.driver_file import config_from_document
-from fabrication.flash import compiled_image
-from fabrication.sketch import (
+from optopad.design.circuit.pins import board_of
+from optopad.design.errors import DesignError
+from optopad.design.parts.catalog import packaged
+from optopad.design.preset import PRESETS, preset
+from optopad.design.rules.check import check
+from optopad.design.spec import SensorDesign
+from optopad.fabrication.driver.link.protocol import Command, pack_command
+from optopad.fabrication.driver_config import dump_driver_config
+from optopad.fabrication.driver_file import config_from_document
+from optopad.fabrication.flash import compiled_image
+from optopad.fabrication.sketch import (
     AVR_FILES,
     CONFIG,
     IMAGE,

@@ -9,16 +9,16 @@ from typing import Any
 
 import pytest
 
-from design.circuit.transimpedance import settling_findings
-from design.parts.catalog import find_part
-from design.preset import preset
-from design.rules.check import check
-from design.spec import SensorDesign
-from design.spec.properties import entries_of
-from fabrication.driver_config import driver_config
-from fabrication.gain import SimulatedGain, clipped_pairs
-from fabrication.sheets.bom import bom_csv, bom_rows
-from fabrication.sheets.casting import casting_md
+from optopad.design.circuit.transimpedance import settling_findings
+from optopad.design.parts.catalog import find_part
+from optopad.design.preset import preset
+from optopad.design.rules.check import check
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.properties import entries_of
+from optopad.fabrication.driver_config import driver_config
+from optopad.fabrication.gain import SimulatedGain, clipped_pairs
+from optopad.fabrication.sheets.bom import bom_csv, bom_rows
+from optopad.fabrication.sheets.casting import casting_md
 from tests.said import says
 
 PAD = preset("piacenza2017-pad")

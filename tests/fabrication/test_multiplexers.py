@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from design.circuit.pins import (
+from optopad.design.circuit.pins import (
     address_pins,
     board_of,
     frame_time_ms,
@@ -18,18 +18,18 @@ from design.circuit.pins import (
     multiplexer_of,
     receiver_paths,
 )
-from design.circuit.transimpedance import counts_per_flux_per_ohm
-from design.errors import DesignError
-from design.rules.check import check
-from design.spec import SensorDesign
-from fabrication.connections import connections_of
-from fabrication.driver.link.protocol import Command, Kind, pack_command
-from fabrication.driver_config import driver_config, dump_driver_config
-from fabrication.driver_file import config_from_document
-from fabrication.sheets.all_sheets import wiring_csv
-from fabrication.sheets.bom import bom_rows
-from fabrication.sheets.schematic_svg import schematic_svg
-from fabrication.sketch import firmware_settings
+from optopad.design.circuit.transimpedance import counts_per_flux_per_ohm
+from optopad.design.errors import DesignError
+from optopad.design.rules.check import check
+from optopad.design.spec import SensorDesign
+from optopad.fabrication.connections import connections_of
+from optopad.fabrication.driver.link.protocol import Command, Kind, pack_command
+from optopad.fabrication.driver_config import driver_config, dump_driver_config
+from optopad.fabrication.driver_file import config_from_document
+from optopad.fabrication.sheets.all_sheets import wiring_csv
+from optopad.fabrication.sheets.bom import bom_rows
+from optopad.fabrication.sheets.schematic_svg import schematic_svg
+from optopad.fabrication.sketch import firmware_settings
 from tests.fabrication.simulated_board import (
     INPUT_HELD,
     portable_pad,

@@ -10,15 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from design.errors import DesignError, DeviceError
-from design.parts.catalog import find_board
-from design.preset import preset
-from design.rules.check import check
-from design.spec import SensorDesign
-from design.spec.properties import entries_of
-from fabrication.driver.link.protocol import Command, Kind, pack_command
-from fabrication.flash import compiled_image
-from fabrication.sketch import (
+from optopad.design.errors import DesignError, DeviceError
+from optopad.design.parts.catalog import find_board
+from optopad.design.preset import preset
+from optopad.design.rules.check import check
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.properties import entries_of
+from optopad.fabrication.driver.link.protocol import Command, Kind, pack_command
+from optopad.fabrication.flash import compiled_image
+from optopad.fabrication.sketch import (
     AVR_FILES,
     CONFIG,
     PORTABLE_FILES,

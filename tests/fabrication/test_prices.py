@@ -10,17 +10,24 @@ from pathlib import Path
 
 import pytest
 
-from design.errors import InputError
-from design.parts.catalog import packaged
-from design.parts.orders import ohm_code, order_of, orders
-from design.preset import preset
-from design.shape.cavity import cavity_of
-from design.spec import SensorDesign
-from fabrication.gain import SimulatedGain
-from fabrication.sheets.bom import BomRow, bom_csv, bom_rows
-from fabrication.sheets.casting import casting_md
-from fabrication.sheets.prices import bill_sum, held_against, parsed_budget, priced, read_prices, unused_words
-from fabrication.sheets.silicone import pours
+from optopad.design.errors import InputError
+from optopad.design.parts.catalog import packaged
+from optopad.design.parts.orders import ohm_code, order_of, orders
+from optopad.design.preset import preset
+from optopad.design.shape.cavity import cavity_of
+from optopad.design.spec import SensorDesign
+from optopad.fabrication.gain import SimulatedGain
+from optopad.fabrication.sheets.bom import BomRow, bom_csv, bom_rows
+from optopad.fabrication.sheets.casting import casting_md
+from optopad.fabrication.sheets.prices import (
+    bill_sum,
+    held_against,
+    parsed_budget,
+    priced,
+    read_prices,
+    unused_words,
+)
+from optopad.fabrication.sheets.silicone import pours
 from tests.said import says
 
 PAD = preset("piacenza2017-pad")

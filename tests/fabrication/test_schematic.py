@@ -6,17 +6,17 @@ from xml.etree import ElementTree
 
 import pytest
 
-from design.circuit.emitter_switch import emitter_switch, supply_current
-from design.circuit.pins import assigned_pins, board_of
-from design.parts.assumptions import assumption, ohm_text
-from design.preset import PRESETS, preset
-from design.shape.cavity import cavity_of
-from design.spec.properties import part_of
-from fabrication.gain import SimulatedGain
-from fabrication.sheets.bom import NO_PRICE, NOT_BOUGHT, bom_csv, bom_rows
-from fabrication.sheets.casting import casting_md
-from fabrication.sheets.schematic_svg import schematic_svg
-from fabrication.sheets.silicone import pours
+from optopad.design.circuit.emitter_switch import emitter_switch, supply_current
+from optopad.design.circuit.pins import assigned_pins, board_of
+from optopad.design.parts.assumptions import assumption, ohm_text
+from optopad.design.preset import PRESETS, preset
+from optopad.design.shape.cavity import cavity_of
+from optopad.design.spec.properties import part_of
+from optopad.fabrication.gain import SimulatedGain
+from optopad.fabrication.sheets.bom import NO_PRICE, NOT_BOUGHT, bom_csv, bom_rows
+from optopad.fabrication.sheets.casting import casting_md
+from optopad.fabrication.sheets.schematic_svg import schematic_svg
+from optopad.fabrication.sheets.silicone import pours
 
 PAD = preset("piacenza2017-pad")
 SVG = "{http://www.w3.org/2000/svg}"

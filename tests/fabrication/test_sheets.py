@@ -13,17 +13,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from design.circuit.pins import assigned_pins, board_of
-from design.preset import PRESETS, SHAPED_PRESETS, preset
-from design.shape.cavity import cavity_of, plan_of
-from design.spec import SensorDesign
-from design.spec.properties import part_of
-from fabrication.driver_file import load_driver_config
-from fabrication.gain import SimulatedGain
-from fabrication.sheets.all_sheets import sheet_texts, wiring_csv, write_sheets
-from fabrication.sheets.bom import bom_rows
-from fabrication.sheets.casting import casting_md, plain
-from fabrication.sheets.wiring_svg import wiring_svg
+from optopad.design.circuit.pins import assigned_pins, board_of
+from optopad.design.preset import PRESETS, SHAPED_PRESETS, preset
+from optopad.design.shape.cavity import cavity_of, plan_of
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.properties import part_of
+from optopad.fabrication.driver_file import load_driver_config
+from optopad.fabrication.gain import SimulatedGain
+from optopad.fabrication.sheets.all_sheets import sheet_texts, wiring_csv, write_sheets
+from optopad.fabrication.sheets.bom import bom_rows
+from optopad.fabrication.sheets.casting import casting_md, plain
+from optopad.fabrication.sheets.wiring_svg import wiring_svg
 from tests.said import says
 
 PAD = preset("piacenza2017-pad")

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 from scipy.signal import lti, step
 
-from design.circuit.emitter_switch import current_sink, emitter_switch, supply_current
-from design.circuit.pins import (
+from optopad.design.circuit.emitter_switch import current_sink, emitter_switch, supply_current
+from optopad.design.circuit.pins import (
     adc_bits,
     amplifier_v,
     board_of,
@@ -32,23 +32,23 @@ from design.circuit.pins import (
     spi_pins,
     switch_time_ms,
 )
-from design.circuit.transimpedance import counts_per_flux_per_ohm, settling_findings
-from design.errors import DesignError
-from design.parts.catalog import packaged
-from design.rules.check import check
-from design.shape.cavity import cavity_of
-from design.spec import SensorDesign
-from fabrication.connections import connections_of
-from fabrication.driver.link.protocol import Command, Kind, pack_command
-from fabrication.driver.sensor import Sensor
-from fabrication.driver_config import driver_config, dump_driver_config
-from fabrication.driver_file import config_from_document
-from fabrication.sheets.all_sheets import sheet_texts, wiring_csv
-from fabrication.sheets.bom import bom_rows
-from fabrication.sheets.schematic_svg import schematic_svg
-from fabrication.sketch import config_header, firmware_settings
-from sims.readings.readout import full_scale_counts
-from sims.readings.signal_chain import reading_times_s
+from optopad.design.circuit.transimpedance import counts_per_flux_per_ohm, settling_findings
+from optopad.design.errors import DesignError
+from optopad.design.parts.catalog import packaged
+from optopad.design.rules.check import check
+from optopad.design.shape.cavity import cavity_of
+from optopad.design.spec import SensorDesign
+from optopad.fabrication.connections import connections_of
+from optopad.fabrication.driver.link.protocol import Command, Kind, pack_command
+from optopad.fabrication.driver.sensor import Sensor
+from optopad.fabrication.driver_config import driver_config, dump_driver_config
+from optopad.fabrication.driver_file import config_from_document
+from optopad.fabrication.sheets.all_sheets import sheet_texts, wiring_csv
+from optopad.fabrication.sheets.bom import bom_rows
+from optopad.fabrication.sheets.schematic_svg import schematic_svg
+from optopad.fabrication.sketch import config_header, firmware_settings
+from optopad.sims.readings.readout import full_scale_counts
+from optopad.sims.readings.signal_chain import reading_times_s
 from tests.fabrication.simulated_board import (
     EMITTER_SWITCHED,
     INPUT_HELD,

@@ -15,8 +15,8 @@ import numpy as np
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
-from fabrication.driver_file import CHECKSUM, content_sha256
-from sims.learning.inference.model_file import _checksum
+from optopad.fabrication.driver_file import CHECKSUM, content_sha256
+from optopad.sims.learning.inference.model_file import _checksum
 from tests.fuzz.bad_texts import DOCUMENT_FAULTS, Raw, bad_value, damaged_bytes, damaged_text, written
 
 METADATA_BYTES = 9_000

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from random import Random
 from typing import Any
 
-from design.fields.base import known_paths
-from design.preset import PRESETS, preset_text
-from design.spec import SensorDesign
+from optopad.design.fields.base import known_paths
+from optopad.design.preset import PRESETS, preset_text
+from optopad.design.spec import SensorDesign
 
 FIELDS = known_paths(SensorDesign)
 WORDS = ("hemisphere", "glossy", "A0", "osram-sfh206k", "E1", "../a", "/etc/hostname", "cavity.length_mm", "")

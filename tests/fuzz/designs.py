@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from random import Random
 
-from design.io import load_design
-from design.rules.check import check
+from optopad.design.io import load_design
+from optopad.design.rules.check import check
 from tests.fuzz.bad_texts import bad_design
 from tests.fuzz.trial import Outcome, command, tried
 

@@ -9,7 +9,7 @@ from random import Random
 
 import numpy as np
 
-from design.preset import preset
+from optopad.design.preset import preset
 from tests.fuzz.bad_files import damage
 from tests.fuzz.good_files import PAD, write_good_files
 from tests.fuzz.trial import Outcome, command, tried
@@ -56,7 +56,7 @@ def _with_kind(found: Outcome, kind: str) -> Outcome:
 
 
 def _model(file: Path) -> list[str]:
-    from sims.learning.inference.model_file import load_model
+    from optopad.sims.learning.inference.model_file import load_model
 
     model = load_model(file)
     with np.errstate(all="ignore"):
@@ -65,8 +65,8 @@ def _model(file: Path) -> list[str]:
 
 
 def _data(file: Path) -> list[str]:
-    from sims.readings.dataset import read_data, require_design
-    from sims.readings.press_data import clipped_note, joined
+    from optopad.sims.readings.dataset import read_data, require_design
+    from optopad.sims.readings.press_data import clipped_note, joined
 
     data = joined([read_data(file)])
     clipped_note(data.role("train"))
@@ -75,15 +75,15 @@ def _data(file: Path) -> list[str]:
 
 
 def _recorded(file: Path) -> list[str]:
-    from sims.readings.recording import read_recording
+    from optopad.sims.readings.recording import read_recording
 
     return list(read_recording(file).notes)
 
 
 def _driver_file(file: Path) -> list[str]:
-    from fabrication.driver.descriptor import descriptor_of
-    from fabrication.driver.simulated.press_table import gains_of, untouched_table
-    from fabrication.driver_file import load_driver_config
+    from optopad.fabrication.driver.descriptor import descriptor_of
+    from optopad.fabrication.driver.simulated.press_table import gains_of, untouched_table
+    from optopad.fabrication.driver_file import load_driver_config
 
     config = load_driver_config(file)
     descriptor_of(config)
@@ -93,14 +93,14 @@ def _driver_file(file: Path) -> list[str]:
 
 
 def _raw(file: Path) -> list[str]:
-    from fabrication.driver.recording.export import dataset_of, read_recorded
+    from optopad.fabrication.driver.recording.export import dataset_of, read_recorded
 
     dataset_of(read_recorded(file), file.name)
     return []
 
 
 def _signals(file: Path) -> list[str]:
-    from fabrication.driver.simulated.press_table import table_from_signals
+    from optopad.fabrication.driver.simulated.press_table import table_from_signals
     from tests.fabrication.driver.made_up_pad import pad_config
 
     table_from_signals(file, pad_config())
@@ -108,14 +108,14 @@ def _signals(file: Path) -> list[str]:
 
 
 def _space(file: Path) -> list[str]:
-    from design.search.space import load_space
+    from optopad.design.search.space import load_space
 
     load_space(file)
     return []
 
 
 def _protocol(file: Path) -> list[str]:
-    from design.press_protocol import load_protocol_file
+    from optopad.design.press_protocol import load_protocol_file
 
     load_protocol_file(file).fitted_to(preset(PAD)).places_mm(preset(PAD))
     return []

@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from design.preset import preset
-from fabrication.driver.link.protocol import FrameFormat, pack_frames
-from fabrication.driver.recording.recorder import Recorder
-from fabrication.driver_config import dump_driver_config
-from sims.learning.inference.extra_trees import ExtraTreesModel, Forest
-from sims.learning.inference.feature_scaling import FeatureScaling
-from sims.learning.inference.model_file import save_model
-from sims.learning.inference.sigma_table import UNIT_SIGMA
-from sims.readings.dataset import save_data
+from optopad.design.preset import preset
+from optopad.fabrication.driver.link.protocol import FrameFormat, pack_frames
+from optopad.fabrication.driver.recording.recorder import Recorder
+from optopad.fabrication.driver_config import dump_driver_config
+from optopad.sims.learning.inference.extra_trees import ExtraTreesModel, Forest
+from optopad.sims.learning.inference.feature_scaling import FeatureScaling
+from optopad.sims.learning.inference.model_file import save_model
+from optopad.sims.learning.inference.sigma_table import UNIT_SIGMA
+from optopad.sims.readings.dataset import save_data
 from tests.fabrication.driver.made_up_pad import pad_config, untouched
 from tests.sims.learning.made_up_map import made_up_map_model
 from tests.sims.learning.made_up_models import PAIRS, made_up_header, made_up_kernel_ridge, made_up_touch
@@ -45,7 +45,7 @@ def write_good_files(folder: Path) -> None:
                 if number % 10 == 0:
                     recorder.press(16.0, 16.0, number / 10.0, 1000.5 + number)
     for kind, name in (("search.spaces", "pair-heights"), ("protocols", "piacenza2017-quick")):
-        text = (files(f"design.{kind}") / f"{name}.toml").read_text(encoding="utf-8")
+        text = (files(f"optopad.design.{kind}") / f"{name}.toml").read_text(encoding="utf-8")
         (folder / f"{kind.rpartition('.')[2]}.toml").write_text(text, encoding="utf-8")
 
 

@@ -11,16 +11,16 @@ import h5py
 import numpy as np
 import pytest
 
-from design.errors import LONGEST_MESSAGE_BYTES, DesignError, InputError, readable
-from design.io import load_design
-from design.preset import preset, preset_text
-from design.rules.check import check
-from design.search.space import load_space
-from design.toml_text import parsed_toml
 from optopad.cli.main import BAD_INPUT, main
-from sims.learning.inference.model_file import load_model, save_model
-from sims.readings.dataset import read_data, save_data
-from sims.readings.recording import read_recording
+from optopad.design.errors import LONGEST_MESSAGE_BYTES, DesignError, InputError, readable
+from optopad.design.io import load_design
+from optopad.design.preset import preset, preset_text
+from optopad.design.rules.check import check
+from optopad.design.search.space import load_space
+from optopad.design.toml_text import parsed_toml
+from optopad.sims.learning.inference.model_file import load_model, save_model
+from optopad.sims.readings.dataset import read_data, save_data
+from optopad.sims.readings.recording import read_recording
 from tests.design.search.cheap_search import cheap_space
 from tests.sims.learning.made_up_models import made_up_kernel_ridge
 from tests.sims.readings.test_dataset import made_up
@@ -265,7 +265,7 @@ def test_a_netcdf_file_that_unpacks_to_terabytes_is_refused(tmp_path):
 def test_simulated_signals_that_are_damaged_are_refused(tmp_path, flux, told):
     import xarray as xr
 
-    from fabrication.driver.simulated.press_table import table_from_signals
+    from optopad.fabrication.driver.simulated.press_table import table_from_signals
     from tests.fabrication.driver.made_up_pad import pad_config
 
     config = pad_config()
@@ -280,7 +280,7 @@ def test_simulated_signals_that_are_damaged_are_refused(tmp_path, flux, told):
 def test_simulated_signals_that_unpack_to_much_are_refused_before_they_do(tmp_path):
     import h5py
 
-    from fabrication.driver.simulated.press_table import table_from_signals
+    from optopad.fabrication.driver.simulated.press_table import table_from_signals
     from tests.fabrication.driver.made_up_pad import pad_config
 
     with h5py.File(tmp_path / "signals.nc", "w") as held:

@@ -10,7 +10,7 @@ import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from design.errors import LONGEST_MESSAGE_BYTES, OptopadError
+from optopad.design.errors import LONGEST_MESSAGE_BYTES, OptopadError
 
 LONGEST_ANSWER_S = 2.0
 """Processor time of one answer about a design: other work on the machine must not make a test fail."""

@@ -14,17 +14,17 @@ from pathlib import Path
 
 import numpy as np
 
-import fabrication.driver
-import fabrication.stage
 import optopad
-import sims.learning.inference
-from design.errors import InputError
-from fabrication.driver.recording.position_log import read_position_log
-from fabrication.driver.simulated.board import FakeBoard
-from fabrication.driver.simulated.port import FakePort
-from fabrication.driver.simulated.press_table import untouched_table
-from fabrication.driver_file import load_driver_config
-from sims.learning.inference.model_file import save_model
+import optopad.fabrication.driver
+import optopad.fabrication.stage
+import optopad.sims.learning.inference
+from optopad.design.errors import InputError
+from optopad.fabrication.driver.recording.position_log import read_position_log
+from optopad.fabrication.driver.simulated.board import FakeBoard
+from optopad.fabrication.driver.simulated.port import FakePort
+from optopad.fabrication.driver.simulated.press_table import untouched_table
+from optopad.fabrication.driver_file import load_driver_config
+from optopad.sims.learning.inference.model_file import save_model
 
 FRAMES = 20
 HEAVY = {"cadquery", "mujoco", "numba", "pydantic", "scipy", "typer", "xarray"}
@@ -33,7 +33,7 @@ HEAVY = {"cadquery", "mujoco", "numba", "pydantic", "scipy", "typer", "xarray"}
 def import_all() -> int:
     """Import every module of the driver, its stage and its models; count them."""
     count = 0
-    for room in (fabrication.driver, fabrication.stage, sims.learning.inference):
+    for room in (optopad.fabrication.driver, optopad.fabrication.stage, optopad.sims.learning.inference):
         for module in pkgutil.walk_packages(room.__path__, room.__name__ + "."):
             importlib.import_module(module.name)
             count += 1

@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 
 import optopad
-from design.errors import DesignError, InputError
-from fabrication.bundle import bundle_name
-from fabrication.driver_config import dump_driver_config
+from optopad.design.errors import DesignError, InputError
+from optopad.fabrication.bundle import bundle_name
+from optopad.fabrication.driver_config import dump_driver_config
 from optopad.jobs import compare as comparing
 from optopad.jobs import sweep as sweeping
 from optopad.results.prediction import PredictedAccuracy, Prediction, accuracy_of
 from optopad.results.score import Score
-from sims.learning.tables import JudgedPresses
-from sims.score import scoring
+from optopad.sims.learning.tables import JudgedPresses
+from optopad.sims.score import scoring
 from tests.sims.made_up_scores import contiguous_score, dead_score, out_of_scope_score
 
 ROOT = Path(__file__).parents[2]

@@ -10,7 +10,7 @@ import pytest
 from numba import njit
 
 from optopad.cli.output import progress
-from sims.compiling import compiling_told, is_there, listen_to_numba, tell_of
+from optopad.sims.compiling import compiling_told, is_there, listen_to_numba, tell_of
 
 ROOT = Path(__file__).parents[2]
 LINE = "compiling the light kernels, once on this machine: half a minute or more"

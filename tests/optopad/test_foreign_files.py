@@ -15,22 +15,22 @@ import h5py
 import pytest
 import xarray as xr
 
-from design.csv_table import read_csv
-from design.errors import OptopadError
-from design.io import dump_design, load_design
-from design.preset import preset, preset_text
-from design.press_protocol import load_protocol_file
-from design.search.space import load_space
-from fabrication.driver.recording.position_log import read_position_log
-from fabrication.driver.recording.raw import read_records
-from fabrication.driver.simulated.finger import read_path
-from fabrication.driver_config import dump_driver_config
-from fabrication.driver_file import load_driver_config
-from fabrication.stage.stage import read_press_list
 from optopad.cli.search import _text as improve_text
-from sims.learning.inference.model_file import load_model
-from sims.readings.dataset import read_data
-from sims.readings.recording import read_recording
+from optopad.design.csv_table import read_csv
+from optopad.design.errors import OptopadError
+from optopad.design.io import dump_design, load_design
+from optopad.design.preset import preset, preset_text
+from optopad.design.press_protocol import load_protocol_file
+from optopad.design.search.space import load_space
+from optopad.fabrication.driver.recording.position_log import read_position_log
+from optopad.fabrication.driver.recording.raw import read_records
+from optopad.fabrication.driver.simulated.finger import read_path
+from optopad.fabrication.driver_config import dump_driver_config
+from optopad.fabrication.driver_file import load_driver_config
+from optopad.fabrication.stage.stage import read_press_list
+from optopad.sims.learning.inference.model_file import load_model
+from optopad.sims.readings.dataset import read_data
+from optopad.sims.readings.recording import read_recording
 
 TABLES: dict[str, tuple[Callable[[Path], Any], str, tuple[str, str]]] = {
     "press list": (read_press_list, "x_mm,y_mm,depth_mm", ("8.5,9.5,2.5", "8.5,9.5,3.5")),
@@ -175,7 +175,9 @@ def test_text_from_the_pipe_of_a_shell_is_read(tmp_path: Path) -> None:
 
 def test_a_byte_order_mark_and_ends_of_lines_matter_in_no_text(tmp_path: Path) -> None:
     design = preset("piacenza2017-pad")
-    protocol = resources.files("design.protocols").joinpath("piacenza2017.toml").read_text(encoding="utf-8")
+    protocol = (
+        resources.files("optopad.design.protocols").joinpath("piacenza2017.toml").read_text(encoding="utf-8")
+    )
     texts: dict[str, tuple[Callable[[Path], Any], str]] = {
         "design": (load_design, dump_design(design)),
         "driver.toml": (load_driver_config, dump_driver_config(design, None, None)),

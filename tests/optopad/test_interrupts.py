@@ -128,13 +128,13 @@ IN_COMPILED_CODE = (
     COMPILED
     + """
 def examine():
-    from design.preset import preset
-    from fabrication.bundle import bundle
+    from optopad.design.preset import preset
+    from optopad.fabrication.bundle import bundle
     from optopad.work import started
     child = started(["-c", "import time; time.sleep(60)"])
     with bundle(preset("fingertip-16"), Path(os.environ["OUT"]), seed=0):
         print(child.pid, len(os.listdir(os.environ["OUT"])), flush=True)
-        within("sims/contact/any.py", 10**9)
+        within("optopad/sims/contact/any.py", 10**9)
 optopad.doctor.examine = examine
 """
 )
@@ -145,7 +145,7 @@ import optopad.cli.interrupts as ours
 ours.PATIENCE_S = 0.1
 def examine():
     try:
-        within("fabrication/stage/any.py", 2 * 10**6)
+        within("optopad/fabrication/stage/any.py", 2 * 10**6)
     finally:
         print("the tip is up", flush=True)
 optopad.doctor.examine = examine

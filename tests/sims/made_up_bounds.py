@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from design.preset import preset
-from design.shape.cavity import CavityGeometry, cavity_of
-from design.spec import SensorDesign
-from sims.bounds.detection_threshold import DetectionThreshold
-from sims.bounds.fisher import Steps
-from sims.bounds.observability import BoundFigure, Limits, PadBounds, PartLoss, pair_names
-from sims.verdict.pad_map import map_grid_mm
+from optopad.design.preset import preset
+from optopad.design.shape.cavity import CavityGeometry, cavity_of
+from optopad.design.spec import SensorDesign
+from optopad.sims.bounds.detection_threshold import DetectionThreshold
+from optopad.sims.bounds.fisher import Steps
+from optopad.sims.bounds.observability import BoundFigure, Limits, PadBounds, PartLoss, pair_names
+from optopad.sims.verdict.pad_map import map_grid_mm
 
 DEPTHS_MM = (0.2, 0.7, 1.5, 2.8, 4.9)
 

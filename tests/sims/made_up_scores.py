@@ -6,17 +6,23 @@ from dataclasses import replace
 
 import numpy as np
 
-from design.preset import preset
-from design.shape.cavity import CavityGeometry, cavity_of, chord_midpoint_mm, is_facing_rows, judged_pairs
-from design.spec import SensorDesign
-from sims.contact.force_curve import ForceCurve
-from sims.press import depth_schedule_mm
-from sims.readings.readout import Readout
-from sims.score.result import ContinuityScore, JudgedPair
-from sims.verdict.pad_map import Blindness, DepthReading, PadMap, Place, map_grid_mm
-from sims.verdict.pair_score import score_pair
-from sims.verdict.presses import PairCurves
-from sims.verdict.tolerance import ToleranceBand, ToleranceRow
+from optopad.design.preset import preset
+from optopad.design.shape.cavity import (
+    CavityGeometry,
+    cavity_of,
+    chord_midpoint_mm,
+    is_facing_rows,
+    judged_pairs,
+)
+from optopad.design.spec import SensorDesign
+from optopad.sims.contact.force_curve import ForceCurve
+from optopad.sims.press import depth_schedule_mm
+from optopad.sims.readings.readout import Readout
+from optopad.sims.score.result import ContinuityScore, JudgedPair
+from optopad.sims.verdict.pad_map import Blindness, DepthReading, PadMap, Place, map_grid_mm
+from optopad.sims.verdict.pair_score import score_pair
+from optopad.sims.verdict.presses import PairCurves
+from optopad.sims.verdict.tolerance import ToleranceBand, ToleranceRow
 
 FULL_SCALE = 1023.0
 UNTOUCHED_FLUX = 1.0e-3

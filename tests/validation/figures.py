@@ -14,7 +14,7 @@ import re
 from datetime import UTC, datetime
 from pathlib import Path
 
-from design.io import write_text_atomically
+from optopad.design.io import write_text_atomically
 from tests.validation import figures_of_models, figures_of_uses
 from tests.validation.stored import ROOT, Figure, table
 from tests.validation.summaries import SUMMARIES, with_summaries

@@ -6,8 +6,8 @@ from collections import deque
 
 import numpy as np
 
-from design.arrays import IntArray
-from fabrication.driver.link.protocol import STAMP, WRAP, CountArray
+from optopad.design.arrays import IntArray
+from optopad.fabrication.driver.link.protocol import STAMP, WRAP, CountArray
 
 REMEMBERED_FRAMES = 256
 """Number of past frames with which a new frame is compared to detect repeats; they span 0.6 s at 400 Hz."""

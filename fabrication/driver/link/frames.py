@@ -9,12 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from design.arrays import BoolArray, FloatArray
-from design.errors import DeviceError
-from design.recordings import signals_of
-from fabrication.driver.link.clock import BoardClock
-from fabrication.driver.link.counters import Repeats, WrappingCounter
-from fabrication.driver.link.protocol import FrameFormat, unpack_frames
+from optopad.design.arrays import BoolArray, FloatArray
+from optopad.design.errors import DeviceError
+from optopad.design.recordings import signals_of
+from optopad.fabrication.driver.link.clock import BoardClock
+from optopad.fabrication.driver.link.counters import Repeats, WrappingCounter
+from optopad.fabrication.driver.link.protocol import FrameFormat, unpack_frames
 
 US_PER_S = 1e6
 RATE_FRAMES = 256

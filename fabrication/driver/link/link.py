@@ -7,10 +7,10 @@ import re
 import time
 from collections.abc import Callable
 
-from design.errors import DeviceError, InputError
-from fabrication.driver.link.ports import GUESSED, Port
-from fabrication.driver.link.printers import HEARD_BYTES, printer_words
-from fabrication.driver.link.protocol import (
+from optopad.design.errors import DeviceError, InputError
+from optopad.fabrication.driver.link.ports import GUESSED, Port
+from optopad.fabrication.driver.link.printers import HEARD_BYTES, printer_words
+from optopad.fabrication.driver.link.protocol import (
     Command,
     FrameFormat,
     Hello,
@@ -20,8 +20,8 @@ from fabrication.driver.link.protocol import (
     pack_command,
     unpack_hello,
 )
-from fabrication.driver.link.scanner import Message, Scanner
-from fabrication.driver_file import DriverConfig
+from optopad.fabrication.driver.link.scanner import Message, Scanner
+from optopad.fabrication.driver_file import DriverConfig
 
 ASK_EVERY_S = 0.25
 """Interval between requests for identification while the board sends data [s]. While the board is silent, the interval

@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any
 import serial
 from serial.tools import list_ports
 
-from design.errors import DeviceError
-from fabrication.driver_file import BoardSetup
+from optopad.design.errors import DeviceError
+from optopad.fabrication.driver_file import BoardSetup
 
 if TYPE_CHECKING:
     from typing_extensions import Self  # in typing from Python 3.11

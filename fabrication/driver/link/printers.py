@@ -11,10 +11,10 @@ import math
 import re
 import time
 
-from design.errors import DeviceError
-from fabrication.driver.link.ports import Port
-from fabrication.driver.link.protocol import HELLO_BYTES, VERSION, Kind
-from fabrication.driver.link.scanner import Scanner
+from optopad.design.errors import DeviceError
+from optopad.fabrication.driver.link.ports import Port
+from optopad.fabrication.driver.link.protocol import HELLO_BYTES, VERSION, Kind
+from optopad.fabrication.driver.link.scanner import Scanner
 
 BAUDS = 115200, 250000
 """Baud rates that nearly all printers use."""

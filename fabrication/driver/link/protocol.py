@@ -30,10 +30,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from design.arrays import IntArray
-from design.errors import DeviceError
-from design.recordings import lit_emitters, with_one_dark
-from fabrication.driver_file import DriverConfig
+from optopad.design.arrays import IntArray
+from optopad.design.errors import DeviceError
+from optopad.design.recordings import lit_emitters, with_one_dark
+from optopad.fabrication.driver_file import DriverConfig
 
 VERSION = 1
 MAGIC = b"\xa5\x5a"
@@ -82,7 +82,7 @@ class FrameFormat:
 
     Attributes
     ----------
-    dark : when dark states occur, ``frame`` or ``each``; see `design.recordings.lit_emitters`
+    dark : when dark states occur, ``frame`` or ``each``; see `optopad.design.recordings.lit_emitters`
     """
 
     emitters: int
@@ -129,7 +129,7 @@ class Hello:
     ----------
     firmware : major and minor version
     board : number of this type of board in the catalogue
-    dark : when dark states occur, ``frame`` or ``each``; see `design.recordings.lit_emitters`
+    dark : when dark states occur, ``frame`` or ``each``; see `optopad.design.recordings.lit_emitters`
     prescaler_exponent : exponent n of the converter's clock, which is the board's clock divided by 2^n
     interval_us : requested frame interval [us]; 0 for the board's shortest
     digest : SHA-256 of the design that the firmware was made for, 64 hexadecimal digits
@@ -172,7 +172,8 @@ class Unpacked:
     """Arrays of n frames: sequence numbers (n,), device times (n,) [us], readings (n, states, receivers) [counts].
 
     Sequence numbers and device times are as sent, so they wrap at 2^32. The last state of the readings is dark. If the
-    board sends a dark state before and after each emitter's state, `design.recordings.with_one_dark` has combined them.
+    board sends a dark state before and after each emitter's state, `optopad.design.recordings.with_one_dark` has
+    combined them.
     """
 
     sequence: CountArray

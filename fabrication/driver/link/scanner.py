@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from fabrication.driver.link.protocol import MAGIC, is_whole
+from optopad.fabrication.driver.link.protocol import MAGIC, is_whole
 
 Message = tuple[int, bytes]
 """A message from the board: its byte 2, which gives its type, and all its bytes."""

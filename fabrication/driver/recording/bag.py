@@ -20,23 +20,29 @@ from pathlib import Path
 
 import numpy as np
 
-from design.arrays import BoolArray, FloatArray, IntArray
-from design.errors import InputError
-from design.files import read_text
-from fabrication.driver.link.protocol import frame_format
-from fabrication.driver.recording.bag_file import BagFile, Channel, McapFile, SqliteFile, message_content
-from fabrication.driver.recording.frame_order import ordered
-from fabrication.driver.recording.mcap_file import FRAME, INSTALL, NS_PER_S, PRESS, SENSOR
-from fabrication.driver.recording.messages import Frames, Presses, decoder_of
-from fabrication.driver.recording.press_labels import (
+from optopad.design.arrays import BoolArray, FloatArray, IntArray
+from optopad.design.errors import InputError
+from optopad.design.files import read_text
+from optopad.fabrication.driver.link.protocol import frame_format
+from optopad.fabrication.driver.recording.bag_file import (
+    BagFile,
+    Channel,
+    McapFile,
+    SqliteFile,
+    message_content,
+)
+from optopad.fabrication.driver.recording.frame_order import ordered
+from optopad.fabrication.driver.recording.mcap_file import FRAME, INSTALL, NS_PER_S, PRESS, SENSOR
+from optopad.fabrication.driver.recording.messages import Frames, Presses, decoder_of
+from optopad.fabrication.driver.recording.press_labels import (
     NEVER_NS,
     Moments,
     PressLabels,
     Start,
     press_labels,
 )
-from fabrication.driver.recording.recorded import Recorded, absent_frames, with_earlier_losses
-from fabrication.driver_file import DriverConfig, config_from_document
+from optopad.fabrication.driver.recording.recorded import Recorded, absent_frames, with_earlier_losses
+from optopad.fabrication.driver_file import DriverConfig, config_from_document
 
 METADATA = "metadata.yaml"
 MOST_METADATA_BYTES = 20_000_000

@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import IO, Protocol
 from urllib.parse import quote
 
-from design.errors import InputError
-from fabrication.driver.recording.recorded import LOSSES_NAME
+from optopad.design.errors import InputError
+from optopad.fabrication.driver.recording.recorded import LOSSES_NAME
 
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"

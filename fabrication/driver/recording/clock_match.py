@@ -23,10 +23,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from design.arrays import BoolArray, FloatArray
-from design.errors import InputError
-from fabrication.driver.gain_pattern import GainPattern, relative_change
-from fabrication.driver.recording.position_log import PositionLog
+from optopad.design.arrays import BoolArray, FloatArray
+from optopad.design.errors import InputError
+from optopad.fabrication.driver.gain_pattern import GainPattern, relative_change
+from optopad.fabrication.driver.recording.position_log import PositionLog
 
 Mask = BoolArray
 

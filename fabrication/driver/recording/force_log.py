@@ -1,8 +1,8 @@
 """Reads the log of a load cell: the force on the tip over time.
 
 The file is CSV with a heading; lines that start with # and a logger's greeting before the heading are skipped. It has a
-time, as in a stage's log (`fabrication.driver.recording.position_log`), and one force, positive when the tip presses
-the pad. The last word of its heading is the unit:
+time, as in a stage's log (`optopad.fabrication.driver.recording.position_log`), and one force, positive when the tip
+presses the pad. The last word of its heading is the unit:
 
     force_n              newtons; also "Force (N)", F_N
     force_mn, _cn, _kn   millinewtons, centinewtons, kilonewtons
@@ -25,10 +25,10 @@ from pathlib import Path
 
 import numpy as np
 
-from design.arrays import FloatArray, IntArray
-from design.csv_table import CsvTable, is_number
-from design.errors import InputError
-from fabrication.driver.recording.position_log import log_table, require_rising, times_of
+from optopad.design.arrays import FloatArray, IntArray
+from optopad.design.csv_table import CsvTable, is_number
+from optopad.design.errors import InputError
+from optopad.fabrication.driver.recording.position_log import log_table, require_rising, times_of
 
 GRAVITY = 9.80665
 """Standard gravity [m/s²]."""

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from design.arrays import BoolArray, IntArray
-from design.errors import InputError
-from fabrication.driver.recording.messages import Frames
+from optopad.design.arrays import BoolArray, IntArray
+from optopad.design.errors import InputError
+from optopad.fabrication.driver.recording.messages import Frames
 
 US_PER_S = 1_000_000
 LATE_US = 50_000

@@ -13,10 +13,10 @@ from typing import Literal
 
 import numpy as np
 
-from design.arrays import FloatArray, IntArray
-from design.errors import InputError
-from fabrication.driver.descriptor import descriptor_of
-from fabrication.driver.recording.clock_match import (
+from optopad.design.arrays import FloatArray, IntArray
+from optopad.design.errors import InputError
+from optopad.fabrication.driver.descriptor import descriptor_of
+from optopad.fabrication.driver.recording.clock_match import (
     ClockMatch,
     found_offset,
     match_at,
@@ -24,8 +24,8 @@ from fabrication.driver.recording.clock_match import (
     touches_of_log,
     touches_of_signals,
 )
-from fabrication.driver.recording.position_log import PositionLog
-from fabrication.driver.recording.recorded import Recorded, require_rising
+from optopad.fabrication.driver.recording.position_log import PositionLog
+from optopad.fabrication.driver.recording.recorded import Recorded, require_rising
 
 LATE_S = 0.05
 """A frame counts as delayed if its delay exceeds the shortest delay of frames near it by more than this [s].

@@ -1,8 +1,8 @@
 """Frames as observations of a LeRobot data set: fast frames gathered in the slower steps of a robot's cameras.
 
 A step at time t has the frames of (t - 1/fps, t]. ``take`` says what becomes of them: their mean, the last one, or all
-of them. `fabrication.driver.observations` does this live, within a robot's own recording; `write_episodes` writes
-recordings as a data set.
+of them. `optopad.fabrication.driver.observations` does this live, within a robot's own recording; `write_episodes`
+writes recordings as a data set.
 
 Times are those of the board's clock, which never goes back within a connection and knows no delay of the line. The
 clock's error is in the length of the steps: up to 100 ppm with a quartz, 0.5 % with the ceramic resonator of an Arduino
@@ -32,12 +32,12 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from design.arrays import FloatArray, IntArray
-from design.errors import InputError, OutputError
-from design.files import whole_folder
-from design.recordings import signals_of
-from fabrication.driver.descriptor import descriptor_of
-from fabrication.driver.recording.recorded import Recorded
+from optopad.design.arrays import FloatArray, IntArray
+from optopad.design.errors import InputError, OutputError
+from optopad.design.files import whole_folder
+from optopad.design.recordings import signals_of
+from optopad.fabrication.driver.descriptor import descriptor_of
+from optopad.fabrication.driver.recording.recorded import Recorded
 
 Take = Literal["mean", "last", "all"]
 CODEBASE_VERSION = "v3.0"

@@ -23,18 +23,18 @@ from typing import IO, Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from design.arrays import FloatArray, IntArray
-from design.errors import OutputError
-from design.files import require_suffix, whole_file
-from design.progress import OnStep, silent
-from fabrication.driver.link.clock import BoardClock
-from fabrication.driver.link.frames import US_PER_S, Frame, FrameDecoder
-from fabrication.driver.link.protocol import frame_format
-from fabrication.driver.recording.raw import Record, RecordKind, Sink, press_of, write_all
-from fabrication.driver.recording.recorded import LOSSES_NAME, Recorded, losses_metadata
-from fabrication.driver_file import DriverConfig
-from fabrication.record import plain_of
-from fabrication.ros2.messages import PACKAGE, definition
+from optopad.design.arrays import FloatArray, IntArray
+from optopad.design.errors import OutputError
+from optopad.design.files import require_suffix, whole_file
+from optopad.design.progress import OnStep, silent
+from optopad.fabrication.driver.link.clock import BoardClock
+from optopad.fabrication.driver.link.frames import US_PER_S, Frame, FrameDecoder
+from optopad.fabrication.driver.link.protocol import frame_format
+from optopad.fabrication.driver.recording.raw import Record, RecordKind, Sink, press_of, write_all
+from optopad.fabrication.driver.recording.recorded import LOSSES_NAME, Recorded, losses_metadata
+from optopad.fabrication.driver_file import DriverConfig
+from optopad.fabrication.record import plain_of
+from optopad.fabrication.ros2.messages import PACKAGE, definition
 
 MCAP_SUFFIX = ".mcap"
 CHUNK_BYTES = 16384

@@ -18,11 +18,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from design.arrays import FloatArray, IntArray
-from design.errors import InputError
-from fabrication.driver.recording.bag_file import Channel
-from fabrication.driver.recording.mcap_file import FRAME, NS_PER_S, PRESS
-from fabrication.ros2.messages import definition, names
+from optopad.design.arrays import FloatArray, IntArray
+from optopad.design.errors import InputError
+from optopad.fabrication.driver.recording.bag_file import Channel
+from optopad.fabrication.driver.recording.mcap_file import FRAME, NS_PER_S, PRESS
+from optopad.fabrication.ros2.messages import definition, names
 
 ROS2 = "ros2msg"
 HEAD_BYTES = 4

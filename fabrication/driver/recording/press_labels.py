@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from design.arrays import BoolArray, FloatArray, IntArray
-from design.errors import InputError
-from design.recordings import SetEntry
+from optopad.design.arrays import BoolArray, FloatArray, IntArray
+from optopad.design.errors import InputError
+from optopad.design.recordings import SetEntry
 
 NS_PER_S = 1_000_000_000
 SET_BACK_NS = NS_PER_S

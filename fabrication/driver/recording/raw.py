@@ -31,13 +31,13 @@ from typing import IO, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from design.arrays import FloatArray
-from design.errors import InputError
-from design.files import BYTES_FOR_KIND, kind_of, opened_file, size_of, too_large
-from design.progress import OnStep, silent
-from fabrication.driver.link.protocol import frame_format
-from fabrication.driver_file import DriverConfig, config_from_document
-from fabrication.record import plain_of
+from optopad.design.arrays import FloatArray
+from optopad.design.errors import InputError
+from optopad.design.files import BYTES_FOR_KIND, kind_of, opened_file, size_of, too_large
+from optopad.design.progress import OnStep, silent
+from optopad.fabrication.driver.link.protocol import frame_format
+from optopad.fabrication.driver_file import DriverConfig, config_from_document
+from optopad.fabrication.record import plain_of
 
 FORMAT, VERSION = "optopad-recording", 1
 SUFFIX = ".optorec"

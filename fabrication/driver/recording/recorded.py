@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from design.arrays import BoolArray, FloatArray, IntArray
-from design.errors import InputError
-from design.recordings import signals_of
-from fabrication.driver.recording.press_labels import PressLabels
-from fabrication.driver_file import DriverConfig
+from optopad.design.arrays import BoolArray, FloatArray, IntArray
+from optopad.design.errors import InputError
+from optopad.design.recordings import signals_of
+from optopad.fabrication.driver.recording.press_labels import PressLabels
+from optopad.fabrication.driver_file import DriverConfig
 
 
 @dataclass(frozen=True, kw_only=True)

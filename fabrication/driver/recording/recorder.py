@@ -12,11 +12,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, TYPE_CHECKING
 
-from design.errors import InputError, OutputError
-from design.files import require_suffix
-from fabrication.driver.recording.mcap_file import MCAP_SUFFIX, mcap_sink
-from fabrication.driver.recording.raw import END, PRESS, SUFFIX, RawSink, Record, RecordKind, Sink
-from fabrication.driver_file import DriverConfig
+from optopad.design.errors import InputError, OutputError
+from optopad.design.files import require_suffix
+from optopad.fabrication.driver.recording.mcap_file import MCAP_SUFFIX, mcap_sink
+from optopad.fabrication.driver.recording.raw import END, PRESS, SUFFIX, RawSink, Record, RecordKind, Sink
+from optopad.fabrication.driver_file import DriverConfig
 
 if TYPE_CHECKING:
     from typing_extensions import Self  # in typing from Python 3.11

@@ -17,8 +17,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from design.arrays import FloatArray
-from fabrication.driver.link.protocol import (
+from optopad.design.arrays import FloatArray
+from optopad.fabrication.driver.link.protocol import (
     COMMAND_BYTES,
     COMMAND_MAGIC,
     VERSION,
@@ -31,11 +31,11 @@ from fabrication.driver.link.protocol import (
     pack_self_test,
     unpack_command,
 )
-from fabrication.driver.link.scanner import Scanner
-from fabrication.driver.simulated.faults import Faults, faults_of
-from fabrication.driver.simulated.finger import NO_FINGER, Finger
-from fabrication.driver.simulated.press_table import PressTable
-from fabrication.driver_file import DriverConfig
+from optopad.fabrication.driver.link.scanner import Scanner
+from optopad.fabrication.driver.simulated.faults import Faults, faults_of
+from optopad.fabrication.driver.simulated.finger import NO_FINGER, Finger
+from optopad.fabrication.driver.simulated.press_table import PressTable
+from optopad.fabrication.driver_file import DriverConfig
 
 AMBIENT_COUNTS = 2.0
 """Assumed ambient level in every simulated reading [counts]; the paper's untouched readings agree with it."""

@@ -14,9 +14,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from design.arrays import BoolArray, FloatArray
-from design.errors import InputError
-from fabrication.driver_file import DriverConfig
+from optopad.design.arrays import BoolArray, FloatArray
+from optopad.design.errors import InputError
+from optopad.fabrication.driver_file import DriverConfig
 
 DIM_SHARE = 0.2
 KINDS = ("swap", "dead", "saturated", "dim")

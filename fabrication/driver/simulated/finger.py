@@ -12,10 +12,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from design.arrays import FloatArray
-from design.csv_table import read_csv
-from design.errors import InputError
-from fabrication.driver_file import WorkspaceLimits
+from optopad.design.arrays import FloatArray
+from optopad.design.csv_table import read_csv
+from optopad.design.errors import InputError
+from optopad.fabrication.driver_file import WorkspaceLimits
 
 HEADING = ("t_s", "x_mm", "y_mm", "depth_mm")
 HOVER_MM = -1.0

@@ -15,7 +15,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Protocol
 
-from design.errors import DeviceError, InputError
+from optopad.design.errors import DeviceError, InputError
 
 if TYPE_CHECKING:
     from typing_extensions import Self  # in typing from Python 3.11

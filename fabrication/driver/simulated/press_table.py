@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from design.arrays import FloatArray
-from design.errors import InputError
-from design.netcdf_file import read_netcdf, require_numbers
-from fabrication.driver_file import DriverConfig
+from optopad.design.arrays import FloatArray
+from optopad.design.errors import InputError
+from optopad.design.netcdf_file import read_netcdf, require_numbers
+from optopad.fabrication.driver_file import DriverConfig
 
 MOST_BYTES = 500_000_000
 """Largest size of a signal file [bytes]; 6,000 presses with 1,024 pairs need 50 MB."""

@@ -11,13 +11,13 @@ from itertools import product
 import numpy as np
 from matplotlib.axes import Axes
 
-from design.shape.cavity import CavityGeometry, PlacedPart, cavity_of
-from design.spec import SensorDesign
-from sims.contact.indentation import indent
-from sims.plots.contact import cut_tip_mm, press_frame
-from sims.plots.rays import Cut, ceiling_mm, cut_of_pair, draw_cut_faces, draw_cut_pad
-from sims.plots.style import BLUE, GREEN, INK, WIDTH_IN, axes_or_new
-from sims.verdict.causes import GONE, WHOLE, Cause, Witness
+from optopad.design.shape.cavity import CavityGeometry, PlacedPart, cavity_of
+from optopad.design.spec import SensorDesign
+from optopad.sims.contact.indentation import indent
+from optopad.sims.plots.contact import cut_tip_mm, press_frame
+from optopad.sims.plots.rays import Cut, ceiling_mm, cut_of_pair, draw_cut_faces, draw_cut_pad
+from optopad.sims.plots.style import BLUE, GREEN, INK, WIDTH_IN, axes_or_new
+from optopad.sims.verdict.causes import GONE, WHOLE, Cause, Witness
 
 SMALL = 7.5
 WORDS = 0.3

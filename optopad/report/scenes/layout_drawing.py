@@ -14,17 +14,17 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch, Polygon, Rectangle
 
-from design.arrays import FloatArray
-from design.mold.outline import MoldOutline, outline_of
-from design.mold.sockets import Socket
-from design.shape.cavity import CavityGeometry, PlacedPart, cavity_of
-from design.shape.outline import X
-from design.spec import SensorDesign
+from optopad.design.arrays import FloatArray
+from optopad.design.mold.outline import MoldOutline, outline_of
+from optopad.design.mold.sockets import Socket
+from optopad.design.shape.cavity import CavityGeometry, PlacedPart, cavity_of
+from optopad.design.shape.outline import X
+from optopad.design.spec import SensorDesign
 from optopad.report.scenes.mold_scene import body_corners_mm
-from sims.contact.tip import tip_points_mm
-from sims.plots.maps import outline_patch, workspace_patch
-from sims.plots.rays import BLACK
-from sims.plots.style import BLUE, GRID, INK, MUTED, PALE_BLUE, VERMILLION, WIDTH_IN
+from optopad.sims.contact.tip import tip_points_mm
+from optopad.sims.plots.maps import outline_patch, workspace_patch
+from optopad.sims.plots.rays import BLACK
+from optopad.sims.plots.style import BLUE, GRID, INK, MUTED, PALE_BLUE, VERMILLION, WIDTH_IN
 
 SMALL, MEDIUM = 7.0, 8.5
 LINE: dict[str, Any] = {"color": MUTED, "linewidth": 0.7, "solid_capstyle": "butt"}

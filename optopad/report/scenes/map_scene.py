@@ -14,13 +14,13 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap, LogNorm, Normalize
 from matplotlib.patches import Patch
 
-from design.arrays import BoolArray, FloatArray
-from design.shape.cavity import CavityGeometry
+from optopad.design.arrays import BoolArray, FloatArray
+from optopad.design.shape.cavity import CavityGeometry
 from optopad.report.scenes.pair_scene import plan_of
-from sims.plots.maps import HATCH, add_scale, draw_map, map_sheet
-from sims.plots.style import INK
-from sims.verdict.depth_curve import DEADBAND_MIN_LENGTH_MM, DEADBAND_THRESHOLD
-from sims.verdict.pad_map import PadMap, PadProfile
+from optopad.sims.plots.maps import HATCH, add_scale, draw_map, map_sheet
+from optopad.sims.plots.style import INK
+from optopad.sims.verdict.depth_curve import DEADBAND_MIN_LENGTH_MM, DEADBAND_THRESHOLD
+from optopad.sims.verdict.pad_map import PadMap, PadProfile
 
 CHANGE = ("#f2f6f9", "#9cc9e6", "#0072b2", "#002e4a")
 DEAD = ("#eef1f4", "#c24e00")

@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from design.arrays import FloatArray
-from design.mold.outline import MoldOutline, bed_lift_mm, outline_of
-from design.shape.cavity import TURN_RAD, PlacedPart, cavity_of
-from design.spec import SensorDesign
+from optopad.design.arrays import FloatArray
+from optopad.design.mold.outline import MoldOutline, bed_lift_mm, outline_of
+from optopad.design.shape.cavity import TURN_RAD, PlacedPart, cavity_of
+from optopad.design.spec import SensorDesign
 
 if TYPE_CHECKING:
-    from cad.mesh import Mesh
+    from optopad.cad.mesh import Mesh
 
 
 STEPS = 32_000
@@ -43,7 +43,7 @@ def mold_scene(design: SensorDesign, folder: Path) -> dict[str, Any] | None:
     stl = folder / MOLD_STL
     if not stl.is_file():
         return None
-    from cad.mesh import read_stl
+    from optopad.cad.mesh import read_stl
 
     mesh = read_stl(stl.read_bytes())
     places = mesh.vertices.astype(np.float64) - np.array([0.0, 0.0, bed_lift_mm(design)])
@@ -57,7 +57,7 @@ def mold_scene(design: SensorDesign, folder: Path) -> dict[str, Any] | None:
 
 
 def _solid(mesh: Mesh, places_mm: FloatArray) -> dict[str, Any]:
-    from cad.mesh import creases
+    from optopad.cad.mesh import creases
 
     low, high = places_mm.min(axis=0), places_mm.max(axis=0)
     step = float((high - low).max()) / STEPS
@@ -75,8 +75,8 @@ def _lid(design: SensorDesign, stl: Path) -> dict[str, Any] | None:
     """Mesh of the lid, rotated onto the mold; None if the design or the bundle has none."""
     if not stl.is_file():
         return None
-    from cad.lid import lid_size, turned_over
-    from cad.mesh import read_stl
+    from optopad.cad.lid import lid_size, turned_over
+    from optopad.cad.mesh import read_stl
 
     size = lid_size(design)
     if size is None:

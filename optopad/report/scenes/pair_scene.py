@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from design.arrays import FloatArray
-from design.shape.cavity import TURN_RAD, CavityGeometry, cavity_of
-from design.spec import SensorDesign
+from optopad.design.arrays import FloatArray
+from optopad.design.shape.cavity import TURN_RAD, CavityGeometry, cavity_of
+from optopad.design.spec import SensorDesign
 from optopad.report.words import governing, reading
-from sims.score.result import ContinuityScore, JudgedPair
-from sims.verdict.figure_errors import Load
+from optopad.sims.score.result import ContinuityScore, JudgedPair
+from optopad.sims.verdict.figure_errors import Load
 
 STEPS = 10_000
 """Number of steps that the untouched light of a pair corresponds to."""

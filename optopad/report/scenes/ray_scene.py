@@ -11,15 +11,22 @@ from typing import Any
 
 import numpy as np
 
-from design.arrays import FloatArray
-from design.shape.cavity import CavityGeometry, beside_chord, cavity_of, edge_mm, judged_pairs, pair_name
-from design.spec import SensorDesign
+from optopad.design.arrays import FloatArray
+from optopad.design.shape.cavity import (
+    CavityGeometry,
+    beside_chord,
+    cavity_of,
+    edge_mm,
+    judged_pairs,
+    pair_name,
+)
+from optopad.design.spec import SensorDesign
 from optopad.report.words import governing
-from sims.contact.tip import tip_points_mm
-from sims.optics.oracle.paths import LightPath
-from sims.plots.contact import press_frame
-from sims.rays import KINDS, LOST, LightKind, Pair, Press, RayChoice, RayState, kind_of, ray_states
-from sims.score.result import ContinuityScore
+from optopad.sims.contact.tip import tip_points_mm
+from optopad.sims.optics.oracle.paths import LightPath
+from optopad.sims.plots.contact import press_frame
+from optopad.sims.rays import KINDS, LOST, LightKind, Pair, Press, RayChoice, RayState, kind_of, ray_states
+from optopad.sims.score.result import ContinuityScore
 
 Interval = tuple[float, float]
 

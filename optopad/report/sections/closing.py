@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from design.shape.cavity import plan_of
-from design.spec import SensorDesign
+from optopad.design.shape.cavity import plan_of
+from optopad.design.spec import SensorDesign
 from optopad.report.words import Html, bullets, element, facts, section
-from sims.score.result import ContinuityScore
+from optopad.sims.score.result import ContinuityScore
 
 WALLS = (
     "The effect of the pad's walls on a press is modelled as one linear correction of the pad's size: "

@@ -6,30 +6,30 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from design.press_protocol import load_protocol
-from design.shape.cavity import cavity_of
-from design.spec import SensorDesign
-from design.spec.properties import modulus
+from optopad.design.press_protocol import load_protocol
+from optopad.design.shape.cavity import cavity_of
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.properties import modulus
 from optopad.report.scenes.cause_drawing import plot_cause
 from optopad.report.scenes.layout_drawing import plot_layout
 from optopad.report.scenes.map_scene import MapScene, plot_by_depth
 from optopad.report.sections.published import published_load
 from optopad.report.words import Html, element, governing, ranked
 from optopad.screen.verdict_sentences import spans, unit_of
-from sims.contact.force_curve import ForceCurve
-from sims.contact.load_protocol import load_history, solid_of
-from sims.plots.builds import plot_builds
-from sims.plots.contact import (
+from optopad.sims.contact.force_curve import ForceCurve
+from optopad.sims.contact.load_protocol import load_history, solid_of
+from optopad.sims.plots.builds import plot_builds
+from optopad.sims.plots.contact import (
     plot_contact_radius,
     plot_force,
     plot_force_near,
     plot_load_over_time,
     plot_load_protocol,
 )
-from sims.plots.maps import plot_deadband_map, plot_margin_map, plot_usable_map
-from sims.plots.rays import BLACK
-from sims.plots.signal import plot_signal
-from sims.plots.style import (
+from optopad.sims.plots.maps import plot_deadband_map, plot_margin_map, plot_usable_map
+from optopad.sims.plots.rays import BLACK
+from optopad.sims.plots.signal import plot_signal
+from optopad.sims.plots.style import (
     BLUE,
     GREEN,
     GREY,
@@ -43,14 +43,14 @@ from sims.plots.style import (
     plot_spans,
     svg_text,
 )
-from sims.plots.tolerance import (
+from optopad.sims.plots.tolerance import (
     plot_field_steps,
     plot_gap_tolerance,
     plot_margin_tolerance,
     plot_tolerance,
 )
-from sims.score.result import ContinuityScore, JudgedPair
-from sims.verdict.causes import Cause
+from optopad.sims.score.result import ContinuityScore, JudgedPair
+from optopad.sims.verdict.causes import Cause
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

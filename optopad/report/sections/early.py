@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from design.errors import InputError, ModelScopeError
-from design.spec import SensorDesign
+from optopad.design.errors import InputError, ModelScopeError
+from optopad.design.spec import SensorDesign
 from optopad.report.scenes.map_scene import MapScene
 from optopad.report.scenes.ray_scene import RayScene, ray_scene
 from optopad.report.sections.drawings import Drawing, drawings_without_tolerance
 from optopad.report.sections.maps import map_scene
+from optopad.sims.score.result import ContinuityScore
 from optopad.work import beside
-from sims.score.result import ContinuityScore
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,10 +11,10 @@ import io
 from dataclasses import dataclass
 from pathlib import Path
 
-from design.fields.quantity import Quantity
-from design.press_protocol import load_protocol
-from design.spec import SensorDesign
-from design.spec.properties import modulus
+from optopad.design.fields.quantity import Quantity
+from optopad.design.press_protocol import load_protocol
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.properties import modulus
 from optopad.report.sections.drawings import PROTOCOL, Drawing, figure_of
 from optopad.report.sections.published import compared, published_load
 from optopad.report.sections.sensor import (
@@ -27,8 +27,8 @@ from optopad.report.sections.sensor import (
 )
 from optopad.report.words import Html, element, html_of, section, table
 from optopad.screen.verdict_sentences import counted, ends
-from sims.contact.force_curve import ForceCurve
-from sims.score.result import ContinuityScore
+from optopad.sims.contact.force_curve import ForceCurve
+from optopad.sims.score.result import ContinuityScore
 
 Drawings = dict[str, Drawing]
 TABLE_DEPTHS_MM = (0.2, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 7.0, 10.0)

@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from design.arrays import FloatArray
-from design.shape.cavity import cavity_of
-from design.spec import SensorDesign
-from design.spec.properties import modulus
+from optopad.design.arrays import FloatArray
+from optopad.design.shape.cavity import cavity_of
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.properties import modulus
 from optopad.report.scenes.map_scene import DepthMap, MapScene, depth_maps
 from optopad.report.sections.drawings import Drawing, figure_of
 from optopad.report.words import Html, bounds_words, data_element, element, losses_table, radios, section
 from optopad.screen.verdict_sentences import counted, spans
-from sims.bounds.detection_threshold import DetectionThreshold
-from sims.bounds.fisher import BAND
-from sims.bounds.observability import PadBounds
-from sims.score.result import ContinuityScore
-from sims.verdict.depth_curve import DEADBAND_MIN_LENGTH_MM, DEADBAND_THRESHOLD
-from sims.verdict.figure_errors import place_force
-from sims.verdict.pad_map import PadMap, pad_profile
+from optopad.sims.bounds.detection_threshold import DetectionThreshold
+from optopad.sims.bounds.fisher import BAND
+from optopad.sims.bounds.observability import PadBounds
+from optopad.sims.score.result import ContinuityScore
+from optopad.sims.verdict.depth_curve import DEADBAND_MIN_LENGTH_MM, DEADBAND_THRESHOLD
+from optopad.sims.verdict.figure_errors import place_force
+from optopad.sims.verdict.pad_map import PadMap, pad_profile
 
 Drawings = dict[str, Drawing]
 

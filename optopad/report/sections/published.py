@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from design.spec import SensorDesign
-from sims.contact.force_curve import ForceCurve
+from optopad.design.spec import SensorDesign
+from optopad.sims.contact.force_curve import ForceCurve
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,14 +8,14 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from design.shape.cavity import beside_chord
+from optopad.design.shape.cavity import beside_chord
 from optopad.report.scenes.ray_scene import RayScene, scene_json
 from optopad.report.sections.drawings import drawn, figure_of
 from optopad.report.words import Html, data_element, element, radios, section, table
-from sims.plots.ray_sheet import ray_sheet
-from sims.plots.rays import cut_of_pair, percent
-from sims.plots.style import plain_style
-from sims.rays import LOST, LightKind
+from optopad.sims.plots.ray_sheet import ray_sheet
+from optopad.sims.plots.rays import cut_of_pair, percent
+from optopad.sims.plots.style import plain_style
+from optopad.sims.rays import LOST, LightKind
 
 TITLE = "The sensor and its light in three dimensions"
 THIN = 2

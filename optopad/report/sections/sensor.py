@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from design.mold.filling import is_cast_under_lid
-from design.mold.outline import bed_lift_mm
-from design.preset import true_description
-from design.shape.cavity import CavityGeometry, PlacedPart, Plan, cavity_of, plan_of
-from design.spec import SensorDesign
-from design.spec.indenter import tip_words
+from optopad.design.mold.filling import is_cast_under_lid
+from optopad.design.mold.outline import bed_lift_mm
+from optopad.design.preset import true_description
+from optopad.design.shape.cavity import CavityGeometry, PlacedPart, Plan, cavity_of, plan_of
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.indenter import tip_words
 from optopad.report.sections.drawings import Drawing, figure_of
 from optopad.report.words import Html, element, facts, section, table
 from optopad.screen.verdict_sentences import counted
@@ -58,7 +58,7 @@ def pictures_of(design: SensorDesign, folder: Path) -> Pictures:
 def _mold_address(stl: Path) -> str | None:
     if not stl.is_file():
         return None
-    from cad.mesh import mold_picture
+    from optopad.cad.mesh import mold_picture
 
     return _address("image/png", mold_picture(stl))
 
@@ -67,8 +67,8 @@ def _lid_address(design: SensorDesign, folder: Path) -> str | None:
     lid, mold = folder / LID_STL, folder / MOLD_STL
     if not (lid.is_file() and mold.is_file()):
         return None
-    from cad.lid import lid_size, turned_over
-    from cad.mesh import Mesh, read_stl, section_picture
+    from optopad.cad.lid import lid_size, turned_over
+    from optopad.cad.mesh import Mesh, read_stl, section_picture
 
     size, whole = lid_size(design), read_stl(mold.read_bytes())
     if size is None:

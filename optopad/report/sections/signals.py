@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from design.spec import SensorDesign
+from optopad.design.spec import SensorDesign
 from optopad.report.scenes.pair_scene import pair_scene
 from optopad.report.sections.drawings import Drawing, figure_of, shown_causes, shown_pairs
 from optopad.report.words import (
@@ -29,10 +29,10 @@ from optopad.screen.verdict_sentences import (
     signed,
     spans,
 )
-from sims.score.result import ContinuityScore, JudgedPair
-from sims.verdict.depth_curve import DEADBAND_THRESHOLD, TRACE_ERROR_LIMIT
-from sims.verdict.tolerance import ToleranceBand
-from sims.verdict.trial import Trial
+from optopad.sims.score.result import ContinuityScore, JudgedPair
+from optopad.sims.verdict.depth_curve import DEADBAND_THRESHOLD, TRACE_ERROR_LIMIT
+from optopad.sims.verdict.tolerance import ToleranceBand
+from optopad.sims.verdict.trial import Trial
 
 Drawings = dict[str, Drawing]
 

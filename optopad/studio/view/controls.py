@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 import viser
 
-from cad.mesh import png_bytes
-from design.errors import OptopadError
-from design.shape.cavity import cavity_of
-from fabrication.bundle import bundle_name
+from optopad.cad.mesh import png_bytes
+from optopad.design.errors import OptopadError
+from optopad.design.shape.cavity import cavity_of
+from optopad.fabrication.bundle import bundle_name
 from optopad.studio.actions import Ghost, Task
 from optopad.studio.drawings import QUANTITIES, curves_svg, map_svg, quantity, readings_svg
 from optopad.studio.editable_fields import EditableField, editable_fields_of

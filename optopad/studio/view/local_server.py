@@ -28,7 +28,7 @@ from websockets.asyncio.server import ServerConnection
 from websockets.frames import CloseCode
 from websockets.http11 import Request, Response
 
-from design.errors import InputError
+from optopad.design.errors import InputError
 from optopad.studio.view.shapes import LARGEST_B, LARGEST_PICTURE_B, fault_of
 
 HOST = "127.0.0.1"

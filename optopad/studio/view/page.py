@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 import viser
 
-from cad.mesh import Mesh
-from design.errors import OptopadError
-from design.shape.cavity import cavity_of
+from optopad.cad.mesh import Mesh
+from optopad.design.errors import OptopadError
+from optopad.design.shape.cavity import cavity_of
 from optopad.studio import live_results as found_by_work
 from optopad.studio.actions import Ghost, MoldShop, Task
 from optopad.studio.live import LiveSensor, LiveView

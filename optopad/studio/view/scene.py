@@ -13,11 +13,12 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import viser
 
-from cad.mesh import Mesh
-from design.arrays import FloatArray
-from design.shape.cavity import CavityGeometry, PlacedPart, Plan, cavity_of
-from design.spec import SensorDesign
-from fabrication.driver.touch_reader import Touch
+from optopad.cad.mesh import Mesh
+from optopad.design.arrays import FloatArray
+from optopad.design.shape.cavity import CavityGeometry, PlacedPart, Plan, cavity_of
+from optopad.design.spec import SensorDesign
+from optopad.fabrication.driver.touch_reader import Touch
+from optopad.sims.rays import KINDS, LOST
 from optopad.studio.actions import Ghost
 from optopad.studio.live_results import Look, Rays
 from optopad.studio.pad_mesh import cut_open, side_walls, slab, struck_place, untouched_top
@@ -34,7 +35,6 @@ from optopad.studio.view.shapes import (
     tip_body,
     turn_deg,
 )
-from sims.rays import KINDS, LOST
 
 Colour = tuple[int, int, int]
 PartDrag = viser.SceneNodeDragEvent[viser.BoxHandle]

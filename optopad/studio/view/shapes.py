@@ -16,13 +16,13 @@ import msgspec
 import numpy as np
 from viser import _messages as kinds
 
-from design.arrays import FloatArray, IntArray
-from design.mold.outline import outline_of
-from design.shape.cavity import TURN_RAD, PlacedPart, Plan
-from design.shape.outline import Point, X, Y
-from design.spec import SensorDesign
+from optopad.design.arrays import FloatArray, IntArray
+from optopad.design.mold.outline import outline_of
+from optopad.design.shape.cavity import TURN_RAD, PlacedPart, Plan
+from optopad.design.shape.outline import Point, X, Y
+from optopad.design.spec import SensorDesign
+from optopad.sims.contact.tip import tip_points_mm
 from optopad.studio.pad_mesh import ring_triangles
-from sims.contact.tip import tip_points_mm
 
 KINDS: dict[str, Any] = {
     kind.__name__: kind

@@ -26,12 +26,12 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator, make_lsq_spline
 
-from design.arrays import FloatArray
-from design.errors import InputError, OutputError
-from design.files import folder_fault, made_folder, require_file_name, whole_file
-from design.progress import OnShare
-from design.spec import SensorDesign
-from sims.contact.library.profile_library import (
+from optopad.design.arrays import FloatArray
+from optopad.design.errors import InputError, OutputError
+from optopad.design.files import folder_fault, made_folder, require_file_name, whole_file
+from optopad.design.progress import OnShare
+from optopad.design.spec import SensorDesign
+from optopad.sims.contact.library.profile_library import (
     CROWN_CENTRE,
     CROWN_LAYERS,
     CROWN_RADII,
@@ -44,8 +44,8 @@ from sims.contact.library.profile_library import (
     pack,
     solved_crowns,
 )
-from sims.contact.library.profiles import UnitPress
-from sims.contact.library.smooth_press import (
+from optopad.sims.contact.library.profiles import UnitPress
+from optopad.sims.contact.library.smooth_press import (
     LOAD_SHARES,
     POISSON_RATIOS,
     FitResidual,
@@ -57,8 +57,8 @@ from sims.contact.library.smooth_press import (
     off_crown,
     sample_arcs,
 )
-from sims.contact.library.stored_press import RECIPE, PressInputs, stored_press
-from sims.contact.scope import (
+from optopad.sims.contact.library.stored_press import RECIPE, PressInputs, stored_press
+from optopad.sims.contact.scope import (
     DEPTH_STEP,
     FIRST_DEPTHS,
     WALL_RADIUS,
@@ -67,7 +67,7 @@ from sims.contact.scope import (
     tip_radius_mm,
     wall_radius,
 )
-from sims.contact.tip import tip_coordinate, tip_of, tip_outline
+from optopad.sims.contact.tip import tip_coordinate, tip_of, tip_outline
 
 DEPTHS_PER_INTERVAL = 3
 """Number of solved depths per interval of the splines."""

@@ -33,10 +33,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from design.arrays import FloatArray
-from design.errors import InputError, ModelScopeError
-from design.plain_arrays import plain_arrays
-from design.rules.shape import (
+from optopad.design.arrays import FloatArray
+from optopad.design.errors import InputError, ModelScopeError
+from optopad.design.plain_arrays import plain_arrays
+from optopad.design.rules.shape import (
     DEEPEST_PRESS,
     LARGEST_CROWN,
     LARGEST_REACH,
@@ -44,9 +44,9 @@ from design.rules.shape import (
     LEAST_RIM_SHARE,
     WALL_RADIUS_RANGE,
 )
-from sims.contact.crown import require_rim
-from sims.contact.library.smooth_press import VALUES, FitResidual, SmoothPress
-from sims.contact.scope import HALF_WIDTH, WALL_RADIUS, round_radius
+from optopad.sims.contact.crown import require_rim
+from optopad.sims.contact.library.smooth_press import VALUES, FitResidual, SmoothPress
+from optopad.sims.contact.scope import HALF_WIDTH, WALL_RADIUS, round_radius
 
 FILE = "profiles.npz"
 """Name of the library file in the package's data folder."""
@@ -324,7 +324,7 @@ def pack(library: Library) -> dict[str, NDArray[np.generic]]:
 @cache
 def shipped_library() -> Library:
     """The library shipped with the package; its file is read only once."""
-    with resources.as_file(resources.files("sims.contact.library").joinpath("data", FILE)) as file:
+    with resources.as_file(resources.files("optopad.sims.contact.library").joinpath("data", FILE)) as file:
         held = plain_arrays(file, most_bytes=MOST_BYTES)
     if int(held["format"]) != FORMAT or held["coefficients"].shape[2] != VALUES:
         raise RuntimeError(f"{FILE} is not of this version of optopad; run `optopad contact build`")

@@ -8,8 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-from design.arrays import FloatArray
-from sims.contact.tip import TipOutline
+from optopad.design.arrays import FloatArray
+from optopad.sims.contact.tip import TipOutline
 
 
 @dataclass(frozen=True, kw_only=True)

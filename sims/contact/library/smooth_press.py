@@ -70,12 +70,12 @@ import numpy as np
 from scipy.interpolate import BSpline, CubicHermiteSpline, CubicSpline
 from scipy.optimize import brentq
 
-from design.arrays import BoolArray, FloatArray
-from design.errors import ModelScopeError
-from sims.contact.crown import crown_drop, crown_slope
-from sims.contact.scope import WALL_RADIUS
-from sims.contact.tip import HEMISPHERE, TipOutline, outside_tip, tip_coordinate, tip_gap, tip_outline
-from sims.contact.walls import FarPress, far_press
+from optopad.design.arrays import BoolArray, FloatArray
+from optopad.design.errors import ModelScopeError
+from optopad.sims.contact.crown import crown_drop, crown_slope
+from optopad.sims.contact.scope import WALL_RADIUS
+from optopad.sims.contact.tip import HEMISPHERE, TipOutline, outside_tip, tip_coordinate, tip_gap, tip_outline
+from optopad.sims.contact.walls import FarPress, far_press
 
 NEAR_SPACING = 0.02
 """Spacing of the curve's points on the tip and next to it [tip radii]."""

@@ -5,8 +5,9 @@ The library holds presses into a round pad. `PlacedPress` corrects them for the 
 Model
 -----
 Compared with the round pad, the rectangular pad's walls lift the top by a small and smooth amount D(x, y)
-(`sims.contact.walls`). Near the tip D is nearly constant, D₀, so the tip meets a top that is D₀ higher. The press is
-then that of the round pad at the depth d' = d + D₀(d'), lifted by D₀. Force and contact are those at d'. The top is
+(`optopad.sims.contact.walls`). Near the tip D is nearly constant, D₀, so the tip meets a top that is D₀ higher. The
+press is then that of the round pad at the depth d' = d + D₀(d'), lifted by D₀. Force and contact are those at d'. The
+top is
 
     S(x, y) = w h(r) + (1 - w) G(r) + D(x, y)
 
@@ -29,15 +30,22 @@ from functools import cached_property
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from design.arrays import FloatArray
-from design.errors import InputError, ModelScopeError
-from design.rules.shape import NEAREST_WALL
-from sims.contact.library.profiles import UnitPress
-from sims.contact.library.smooth_press import SmoothPress, TopCurve, above_crown, outward, run_out, runs_back
-from sims.contact.scope import half_width_of
-from sims.contact.tip import HEMISPHERE
-from sims.contact.walls import Size, Surroundings, surroundings
-from sims.press import Indentation
+from optopad.design.arrays import FloatArray
+from optopad.design.errors import InputError, ModelScopeError
+from optopad.design.rules.shape import NEAREST_WALL
+from optopad.sims.contact.library.profiles import UnitPress
+from optopad.sims.contact.library.smooth_press import (
+    SmoothPress,
+    TopCurve,
+    above_crown,
+    outward,
+    run_out,
+    runs_back,
+)
+from optopad.sims.contact.scope import half_width_of
+from optopad.sims.contact.tip import HEMISPHERE
+from optopad.sims.contact.walls import Size, Surroundings, surroundings
+from optopad.sims.press import Indentation
 
 NEAR, FAR = 2.0, 3.5
 LARGEST_CHANGE = 0.25

@@ -18,14 +18,14 @@ from typing import Any
 
 import numpy as np
 
-from design.errors import OutputError
-from design.files import whole_file
-from design.plain_arrays import plain_arrays
-from sims.cache import CACHE_VARIABLE
-from sims.cache import cache_folder as folder_of_all
-from sims.contact.library.profiles import UnitPress
-from sims.contact.scope import WALL_RADIUS
-from sims.contact.tip import HEMISPHERE, TipOutline
+from optopad.design.errors import OutputError
+from optopad.design.files import whole_file
+from optopad.design.plain_arrays import plain_arrays
+from optopad.sims.cache import CACHE_VARIABLE
+from optopad.sims.cache import cache_folder as folder_of_all
+from optopad.sims.contact.library.profiles import UnitPress
+from optopad.sims.contact.scope import WALL_RADIUS
+from optopad.sims.contact.tip import HEMISPHERE, TipOutline
 
 RECIPE = 13
 """Version of the solver that computes stored solutions. Raise it when results change."""
@@ -82,7 +82,7 @@ class PressInputs:
 
 def _solve(inputs: PressInputs, on_step: Callable[[float], None] | None) -> UnitPress:
     """Solve the press with MuJoCo, which is imported only here, so that reading stored solutions does not need it."""
-    from sims.contact.library.unit_press import solve_unit_press
+    from optopad.sims.contact.library.unit_press import solve_unit_press
 
     return solve_unit_press(
         round(inputs.layer, 9),

@@ -7,12 +7,12 @@ from importlib.metadata import version
 
 import numpy as np
 
-from sims.contact.library.profiles import UnitPress
-from sims.contact.library.smooth_press import contact_tolerance, surface_curve
-from sims.contact.mesh import radial_mesh
-from sims.contact.scope import WALL_RADIUS
-from sims.contact.tip import HEMISPHERE, TipOutline
-from sims.contact.wedge import WEDGE_ANGLE, solve_wedge
+from optopad.sims.contact.library.profiles import UnitPress
+from optopad.sims.contact.library.smooth_press import contact_tolerance, surface_curve
+from optopad.sims.contact.mesh import radial_mesh
+from optopad.sims.contact.scope import WALL_RADIUS
+from optopad.sims.contact.tip import HEMISPHERE, TipOutline
+from optopad.sims.contact.wedge import WEDGE_ANGLE, solve_wedge
 
 
 def solve_unit_press(

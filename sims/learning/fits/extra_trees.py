@@ -18,16 +18,16 @@ import numpy as np
 from numpy.typing import NDArray
 from sklearn.ensemble import ExtraTreesRegressor
 
-from design.arrays import BoolArray, FloatArray
-from design.progress import OnStep
-from sims.learning.fits.kernel_ridge import touch_prepared
-from sims.learning.fits.touch import fit_tuned_touch, trust_of
-from sims.learning.inference.extra_trees import ExtraTreesModel, Forest
-from sims.learning.inference.feature_scaling import FeatureScaling
-from sims.learning.inference.sigma_table import UNIT_SIGMA
-from sims.learning.samples import PressSamples, counts_scaling, press_samples, trained_header
-from sims.learning.settings import DEFAULT, FitSettings
-from sims.readings.dataset import PressData
+from optopad.design.arrays import BoolArray, FloatArray
+from optopad.design.progress import OnStep
+from optopad.sims.learning.fits.kernel_ridge import touch_prepared
+from optopad.sims.learning.fits.touch import fit_tuned_touch, trust_of
+from optopad.sims.learning.inference.extra_trees import ExtraTreesModel, Forest
+from optopad.sims.learning.inference.feature_scaling import FeatureScaling
+from optopad.sims.learning.inference.sigma_table import UNIT_SIGMA
+from optopad.sims.learning.samples import PressSamples, counts_scaling, press_samples, trained_header
+from optopad.sims.learning.settings import DEFAULT, FitSettings
+from optopad.sims.readings.dataset import PressData
 
 FEWEST_IN_LEAF = 2
 SHARE_OF_FEATURES = 0.33

@@ -34,13 +34,13 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial.distance import cdist
 from threadpoolctl import threadpool_limits
 
-from design.arrays import FloatArray
-from design.errors import InputError
-from design.progress import OnShare, OnStep
-from sims.learning.fits.touch import fit_plain_touch
-from sims.learning.inference.kernel_ridge import KernelRidgeModel
-from sims.learning.inference.touch_svm import TouchSvm
-from sims.learning.samples import (
+from optopad.design.arrays import FloatArray
+from optopad.design.errors import InputError
+from optopad.design.progress import OnShare, OnStep
+from optopad.sims.learning.fits.touch import fit_plain_touch
+from optopad.sims.learning.inference.kernel_ridge import KernelRidgeModel
+from optopad.sims.learning.inference.touch_svm import TouchSvm
+from optopad.sims.learning.samples import (
     TrainingData,
     counts_scaling,
     held_out,
@@ -50,8 +50,8 @@ from sims.learning.samples import (
     spread_samples,
     trained_header,
 )
-from sims.learning.settings import DEFAULT, FitSettings
-from sims.readings.dataset import PressData
+from optopad.sims.learning.settings import DEFAULT, FitSettings
+from optopad.sims.readings.dataset import PressData
 
 FitTouch = Callable[[TrainingData, np.random.Generator, int], tuple[TouchSvm, dict[str, Any]]]
 

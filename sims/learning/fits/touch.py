@@ -46,12 +46,12 @@ import numpy as np
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.svm import LinearSVC
 
-from design.arrays import BoolArray, FloatArray, IntArray
-from sims.learning.inference.extra_trees import ExtraTreesModel
-from sims.learning.inference.feature_scaling import FeatureScaling
-from sims.learning.inference.sigma_table import SigmaTable
-from sims.learning.inference.touch_svm import TouchSvm
-from sims.learning.samples import (
+from optopad.design.arrays import BoolArray, FloatArray, IntArray
+from optopad.sims.learning.inference.extra_trees import ExtraTreesModel
+from optopad.sims.learning.inference.feature_scaling import FeatureScaling
+from optopad.sims.learning.inference.sigma_table import SigmaTable
+from optopad.sims.learning.inference.touch_svm import TouchSvm
+from optopad.sims.learning.samples import (
     CLEARLY_UNTOUCHED_MM,
     LEAST_SCALE_COUNTS,
     PressSamples,

@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from design.arrays import FloatArray
-from design.errors import InputError
-from sims.learning.inference.touch_model import Arrays, taken, taken_whole
+from optopad.design.arrays import FloatArray
+from optopad.design.errors import InputError
+from optopad.sims.learning.inference.touch_model import Arrays, taken, taken_whole
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

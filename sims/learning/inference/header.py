@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from design.arrays import FloatArray
-from design.errors import InputError
+from optopad.design.arrays import FloatArray
+from optopad.design.errors import InputError
 
 LARGEST_NUMBER = 1e30
 """Largest number in a model file: well within single precision, in which many of its arrays are stored."""

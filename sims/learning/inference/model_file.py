@@ -19,15 +19,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from design.errors import InputError
-from design.file_sets import settle
-from design.files import kind_of_file, require_file, whole_file
-from design.plain_arrays import plain_arrays
-from sims.learning.inference.extra_trees import extra_trees_of_arrays
-from sims.learning.inference.header import ModelHeader, header_of_json
-from sims.learning.inference.kernel_ridge import kernel_ridge_of_arrays
-from sims.learning.inference.signal_map import signal_map_of_arrays
-from sims.learning.inference.touch_model import Arrays, TouchModel
+from optopad.design.errors import InputError
+from optopad.design.file_sets import settle
+from optopad.design.files import kind_of_file, require_file, whole_file
+from optopad.design.plain_arrays import plain_arrays
+from optopad.sims.learning.inference.extra_trees import extra_trees_of_arrays
+from optopad.sims.learning.inference.header import ModelHeader, header_of_json
+from optopad.sims.learning.inference.kernel_ridge import kernel_ridge_of_arrays
+from optopad.sims.learning.inference.signal_map import signal_map_of_arrays
+from optopad.sims.learning.inference.touch_model import Arrays, TouchModel
 
 KINDS: dict[str, Callable[[ModelHeader, Arrays], TouchModel]] = {
     "kernel-ridge": kernel_ridge_of_arrays,
@@ -49,7 +49,7 @@ def save_model(file: str | os.PathLike[str], model: TouchModel) -> None:
 
     Raises
     ------
-    InputError, OutputError : the file cannot be written, see `design.files.whole_file`.
+    InputError, OutputError : the file cannot be written, see `optopad.design.files.whole_file`.
     """
     text = json.dumps(model.header.to_json(), allow_nan=False).encode()
     arrays: dict[str, NDArray[Any]] = {name: np.asarray(array) for name, array in model.arrays().items()}

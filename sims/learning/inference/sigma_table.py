@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from design.arrays import FloatArray
-from design.errors import InputError
-from sims.learning.inference.touch_model import Arrays, taken
+from optopad.design.arrays import FloatArray
+from optopad.design.errors import InputError
+from optopad.sims.learning.inference.touch_model import Arrays, taken
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

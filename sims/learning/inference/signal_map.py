@@ -72,12 +72,12 @@ from functools import cache, cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from design.arrays import FloatArray, IntArray
-from design.errors import InputError
-from sims.learning.inference.header import ModelHeader
-from sims.learning.inference.prediction import Prediction
-from sims.learning.inference.sigma_table import UNIT_SIGMA, SigmaTable, sigma_table_of_arrays
-from sims.learning.inference.touch_model import Arrays, checked_signals, prediction_of, taken
+from optopad.design.arrays import FloatArray, IntArray
+from optopad.design.errors import InputError
+from optopad.sims.learning.inference.header import ModelHeader
+from optopad.sims.learning.inference.prediction import Prediction
+from optopad.sims.learning.inference.sigma_table import UNIT_SIGMA, SigmaTable, sigma_table_of_arrays
+from optopad.sims.learning.inference.touch_model import Arrays, checked_signals, prediction_of, taken
 
 CHUNK = 256
 """Number of points that are evaluated at once: each needs 64 coefficients for every pair, 4 MB in all for 64 pairs."""

@@ -8,10 +8,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from design.arrays import FloatArray
-from design.errors import InputError
-from sims.learning.inference.header import LARGEST_NUMBER, ModelHeader
-from sims.learning.inference.prediction import Prediction
+from optopad.design.arrays import FloatArray
+from optopad.design.errors import InputError
+from optopad.sims.learning.inference.header import LARGEST_NUMBER, ModelHeader
+from optopad.sims.learning.inference.prediction import Prediction
 
 Arrays = Mapping[str, NDArray[np.generic]]
 """The arrays of a model by name; its file contains them and the header."""

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from design.arrays import FloatArray
-from sims.learning.inference.feature_scaling import FeatureScaling, scaling_of_arrays
-from sims.learning.inference.touch_model import Arrays, taken
+from optopad.design.arrays import FloatArray
+from optopad.sims.learning.inference.feature_scaling import FeatureScaling, scaling_of_arrays
+from optopad.sims.learning.inference.touch_model import Arrays, taken
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -8,18 +8,25 @@ import sys
 import numpy as np
 from numba import njit
 
-from design.arrays import BoolArray, FloatArray, IntArray
-from sims.compiling import listen_to_numba
-from sims.kernels import entry_points
-from sims.optics.engine import images, mirrored, repeated, states, straight
-from sims.optics.engine import scattered as scattered_kernels
-from sims.optics.engine.repeated import all_orders
-from sims.optics.engine.scattered import bounces, deposit, golden_shift, join, layout_of
-from sims.optics.engine.scattered import patch_areas as areas_of
-from sims.optics.engine.straight import flat_flux
-from sims.optics.kernel_types import ImageRules, Orders, Patches, StraightRules, UntouchedLight, UntouchedRays
-from sims.optics.surface import curves, radial, tops
-from sims.optics.surface.tops import Top
+from optopad.design.arrays import BoolArray, FloatArray, IntArray
+from optopad.sims.compiling import listen_to_numba
+from optopad.sims.kernels import entry_points
+from optopad.sims.optics.engine import images, mirrored, repeated, states, straight
+from optopad.sims.optics.engine import scattered as scattered_kernels
+from optopad.sims.optics.engine.repeated import all_orders
+from optopad.sims.optics.engine.scattered import bounces, deposit, golden_shift, join, layout_of
+from optopad.sims.optics.engine.scattered import patch_areas as areas_of
+from optopad.sims.optics.engine.straight import flat_flux
+from optopad.sims.optics.kernel_types import (
+    ImageRules,
+    Orders,
+    Patches,
+    StraightRules,
+    UntouchedLight,
+    UntouchedRays,
+)
+from optopad.sims.optics.surface import curves, radial, tops
+from optopad.sims.optics.surface.tops import Top
 
 EMITTER_SEQUENCE, RECEIVER_SEQUENCE = states.EMITTER_SEQUENCE, states.RECEIVER_SEQUENCE
 KERNEL_MODULES = (

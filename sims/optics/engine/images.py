@@ -9,20 +9,20 @@ gradient moves within a sum of two parallelograms, the pair's *range*.
 
 Connected cells from which light can come form an *island*: one image of the emitter, or several that meet in a caustic.
 An image is *whole* if every point of the emitter sends it to every point of the receiver, without shadow or fold; it is
-summed path by path (`sims.optics.engine.mirrored`). An image that a contact edge or shadow cuts, or a caustic folds, is
-summed over a grid of points of the top. From one point to the next the image moves by only a share of its size; the
-share is smaller for brighter images. Every replicate shifts the grid by a different fraction of its spacing.
+summed path by path (`optopad.sims.optics.engine.mirrored`). An image that a contact edge or shadow cuts, or a caustic
+folds, is summed over a grid of points of the top. From one point to the next the image moves by only a share of its
+size; the share is smaller for brighter images. Every replicate shifts the grid by a different fraction of its spacing.
 """
 
 from __future__ import annotations
 
 import math
 
-from design.arrays import FloatArray, IntArray
-from sims.optics.engine.mirrored import pinhole, whole_image
-from sims.optics.kernel_types import ImageRules
-from sims.optics.surface.radial import kernel, wall_point
-from sims.optics.surface.tops import (
+from optopad.design.arrays import FloatArray, IntArray
+from optopad.sims.optics.engine.mirrored import pinhole, whole_image
+from optopad.sims.optics.kernel_types import ImageRules
+from optopad.sims.optics.surface.radial import kernel, wall_point
+from optopad.sims.optics.surface.tops import (
     GX,
     GY,
     HXX,

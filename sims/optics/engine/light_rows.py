@@ -20,10 +20,10 @@ from typing import Protocol
 
 import numpy as np
 
-from design.arrays import BoolArray, FloatArray, IntArray
-from sims.cache import folder_fingerprint
-from sims.optics.accuracy import Accuracy
-from sims.optics.scene.optical_scene import OpticalScene
+from optopad.design.arrays import BoolArray, FloatArray, IntArray
+from optopad.sims.cache import folder_fingerprint
+from optopad.sims.optics.accuracy import Accuracy
+from optopad.sims.optics.scene.optical_scene import OpticalScene
 
 NAME_BYTES = 20
 FORMAT = 1

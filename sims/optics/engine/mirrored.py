@@ -30,11 +30,17 @@ from __future__ import annotations
 
 import math
 
-from design.arrays import FloatArray, IntArray
-from sims.optics.engine.straight import area_and_centroid, cut, cut_to_rectangle, is_clear, plan_distance
-from sims.optics.kernel_types import ImageRules
-from sims.optics.surface.curves import ACTIVE, X, Y
-from sims.optics.surface.radial import (
+from optopad.design.arrays import FloatArray, IntArray
+from optopad.sims.optics.engine.straight import (
+    area_and_centroid,
+    cut,
+    cut_to_rectangle,
+    is_clear,
+    plan_distance,
+)
+from optopad.sims.optics.kernel_types import ImageRules
+from optopad.sims.optics.surface.curves import ACTIVE, X, Y
+from optopad.sims.optics.surface.radial import (
     fall_bound,
     fresnel,
     kernel,
@@ -43,7 +49,7 @@ from sims.optics.surface.radial import (
     wall_normal,
     wall_point,
 )
-from sims.optics.surface.tops import (
+from optopad.sims.optics.surface.tops import (
     FIELD_SLOPE,
     Top,
     cell_at,

@@ -20,12 +20,12 @@ sampling grid on the top. All other light uses the patches.
 Mirrored more than once
 -----------------------
 Light that is mirrored twice or more and ends at a receiver is first mirrored in small islands of the top. Rays of
-`sims.optics.engine.scattered` show roughly where these are. There, cells of the grid are divided, guided by the paths
-from the emitter's centre by way of the cell's corners to the walls. A cell is dropped if these paths do not end near a
-requested receiver. It is divided if they end far apart, on different walls or after different numbers of reflections.
-Else it is kept. Each kept cell has at least one point per replicate, and more if it carries much power; each point has
-three rays from points evenly spread over the emitter. The *unit* of a receiver is the largest power that one point may
-represent near it.
+`optopad.sims.optics.engine.scattered` show roughly where these are. There, cells of the grid are divided, guided by the
+paths from the emitter's centre by way of the cell's corners to the walls. A cell is dropped if these paths do not end
+near a requested receiver. It is divided if they end far apart, on different walls or after different numbers of
+reflections. Else it is kept. Each kept cell has at least one point per replicate, and more if it carries much power;
+each point has three rays from points evenly spread over the emitter. The *unit* of a receiver is the largest power that
+one point may represent near it.
 
 A ray counts for the receiver on which it ends. An island that the rays of all replicates miss is left out.
 """
@@ -36,8 +36,8 @@ import math
 
 import numpy as np
 
-from design.arrays import FloatArray, IntArray
-from sims.optics.engine.scattered import (
+from optopad.design.arrays import FloatArray, IntArray
+from optopad.sims.optics.engine.scattered import (
     ALONG,
     AREA,
     ECHO_COLUMNS,
@@ -73,10 +73,10 @@ from sims.optics.engine.scattered import (
     tip_patch_area,
     unit_there,
 )
-from sims.optics.engine.straight import BOTTOM, TIP
-from sims.optics.kernel_types import Orders, Patches
-from sims.optics.surface.radial import array_kernel, kernel, radiance, wall_point
-from sims.optics.surface.tops import Top, surface_gradient
+from optopad.sims.optics.engine.straight import BOTTOM, TIP
+from optopad.sims.optics.kernel_types import Orders, Patches
+from optopad.sims.optics.surface.radial import array_kernel, kernel, radiance, wall_point
+from optopad.sims.optics.surface.tops import Top, surface_gradient
 
 LEAST_AREA_MM2 = 1e-9
 TIP_RAYS = 64

@@ -10,9 +10,9 @@ deposit its power on patches. The same is done from every receiver, and by recip
 
 A deposit is shared between the four patches around it, so it changes smoothly with the ray. Receivers' faces absorb.
 Emitters' faces reflect like the wall around them. Smooth walls mirror their Fresnel share. The finite size of patches
-on walls and bottom causes a bias, which is the same with and without a press. `sims.optics.engine.trace_states` cancels
-it by taking the ratio to the untouched pad's sum. Light scattered by the tip has no untouched value and is used as it
-is.
+on walls and bottom causes a bias, which is the same with and without a press. `optopad.sims.optics.engine.trace_states`
+cancels it by taking the ratio to the untouched pad's sum. Light scattered by the tip has no untouched value and is used
+as it is.
 
 Change by the press
 -------------------
@@ -36,10 +36,10 @@ import math
 
 import numpy as np
 
-from design.arrays import FloatArray, IntArray
-from sims.optics.engine.straight import BOTTOM, LOST, LOST_WEIGHT, TIP, chain, is_clear
-from sims.optics.surface.curves import CONTACT, CONTACT_AREA, CONTACT_PARTS, TOP, X, Y
-from sims.optics.surface.radial import (
+from optopad.design.arrays import FloatArray, IntArray
+from optopad.sims.optics.engine.straight import BOTTOM, LOST, LOST_WEIGHT, TIP, chain, is_clear
+from optopad.sims.optics.surface.curves import CONTACT, CONTACT_AREA, CONTACT_PARTS, TOP, X, Y
+from optopad.sims.optics.surface.radial import (
     array_kernel,
     contact_radius_2,
     fresnel,
@@ -50,7 +50,7 @@ from sims.optics.surface.radial import (
     wall_normal,
     wall_point,
 )
-from sims.optics.surface.tops import (
+from optopad.sims.optics.surface.tops import (
     AX,
     AY,
     BX,
@@ -64,7 +64,7 @@ from sims.optics.surface.tops import (
     surface_height,
     touching_tip,
 )
-from sims.optics.surface.tops import TIP as TIP_OF
+from optopad.sims.optics.surface.tops import TIP as TIP_OF
 
 
 @kernel

@@ -13,9 +13,9 @@ import math
 
 import numpy as np
 
-from design.arrays import FloatArray
-from sims.optics.accuracy import Accuracy
-from sims.optics.engine.untouched import Untouched
+from optopad.design.arrays import FloatArray
+from optopad.sims.optics.accuracy import Accuracy
+from optopad.sims.optics.engine.untouched import Untouched
 
 RULES_ERROR = 1e-4
 """Median relative error of pairs whose replicates agree, from docs/validation/light.md [-]."""
@@ -44,12 +44,13 @@ def standard_error(values: FloatArray, once: FloatArray, fixed: Untouched, setti
 
     Parameters
     ----------
-    values : (state, replicate, class, emitter, receiver) flux; classes in the order of `sims.optics.engine.states` [-]
+    values : (state, replicate, class, emitter, receiver) flux; classes in the order of
+        `optopad.sims.optics.engine.states` [-]
     once : (state, replicate, emitter, receiver) flux that the top mirrors once [-]
     fixed : light of the untouched pad
     settings : the accuracy
     """
-    from sims.optics.engine.states import DIFFUSE, DIM, DIRECT, SKIRT, TOPS
+    from optopad.sims.optics.engine.states import DIFFUSE, DIM, DIRECT, SKIRT, TOPS
 
     count, scale = values.shape[1], fixed.scale
     several = values[:, :, [TOPS, SKIRT]].sum(axis=2) - once

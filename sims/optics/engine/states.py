@@ -9,10 +9,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from design.arrays import BoolArray, FloatArray, IntArray
-from sims.optics.engine.images import BOX_COLUMNS, PATCH_COLUMNS, patch_boxes, patch_table, single_reflection
-from sims.optics.engine.repeated import all_orders, first_hand_on_tip, repeated_reflections, shares_on_tip
-from sims.optics.engine.scattered import (
+from optopad.design.arrays import BoolArray, FloatArray, IntArray
+from optopad.sims.optics.engine.images import (
+    BOX_COLUMNS,
+    PATCH_COLUMNS,
+    patch_boxes,
+    patch_table,
+    single_reflection,
+)
+from optopad.sims.optics.engine.repeated import (
+    all_orders,
+    first_hand_on_tip,
+    repeated_reflections,
+    shares_on_tip,
+)
+from optopad.sims.optics.engine.scattered import (
     ECHO_COLUMNS,
     POINT_COLUMNS,
     POWER,
@@ -22,11 +33,26 @@ from sims.optics.engine.scattered import (
     lattice_points,
     top_change,
 )
-from sims.optics.engine.straight import TIP, direct_flux, misses_all, reach_of
-from sims.optics.kernel_types import ImageRules, Orders, Patches, StraightRules, UntouchedLight, UntouchedRays
-from sims.optics.surface.curves import OUTER_R
-from sims.optics.surface.radial import array_kernel, kernel
-from sims.optics.surface.tops import FIELD_ON, Top, columns_of, is_touched, sectors_of, top_middles, top_nodes
+from optopad.sims.optics.engine.straight import TIP, direct_flux, misses_all, reach_of
+from optopad.sims.optics.kernel_types import (
+    ImageRules,
+    Orders,
+    Patches,
+    StraightRules,
+    UntouchedLight,
+    UntouchedRays,
+)
+from optopad.sims.optics.surface.curves import OUTER_R
+from optopad.sims.optics.surface.radial import array_kernel, kernel
+from optopad.sims.optics.surface.tops import (
+    FIELD_ON,
+    Top,
+    columns_of,
+    is_touched,
+    sectors_of,
+    top_middles,
+    top_nodes,
+)
 
 DIRECT, TOPS, SKIRT, WALL, DIFFUSE = range(5)
 CLASSES = 5

@@ -9,12 +9,12 @@ one half plane at a time; w allows a point behind the eye.
 A ray and the top
 -----------------
 A march along a ray finds an interval in which the ray crosses the top, and Newton's steps find the point. The top is
-the sum of every tip's curve and of a smooth field (`sims.optics.surface.tops`). The gap g(t) = h(x(t), y(t)) - z(t)
-closes at most at the rate dz + M |d_plan|, with M the largest slope of the surface still ahead (of its falling part
-once the ray moves outward). So a step of g divided by that rate cannot jump over a crossing. Nor can a step to the root
-of g + g' s - K |d_plan|^2 s^2 / 2, with K the largest bend (downward curvature) ahead; the longer of both is taken. No
-step is shorter than `MIN_STEP_MM`, so a ray that passes through the tip for less than this length is missed (less than
-2e-5 mm deep in a 3 mm tip).
+the sum of every tip's curve and of a smooth field (`optopad.sims.optics.surface.tops`). The gap g(t) = h(x(t), y(t)) -
+z(t) closes at most at the rate dz + M |d_plan|, with M the largest slope of the surface still ahead (of its falling
+part once the ray moves outward). So a step of g divided by that rate cannot jump over a crossing. Nor can a step to the
+root of g + g' s - K |d_plan|^2 s^2 / 2, with K the largest bend (downward curvature) ahead; the longer of both is
+taken. No step is shorter than `MIN_STEP_MM`, so a ray that passes through the tip for less than this length is missed
+(less than 2e-5 mm deep in a 3 mm tip).
 
 With one tip and no field, the top is a plane beyond the outer radius and needs no steps there. A ray below the
 undisturbed top is followed only where the top may come below the ray's highest point. With one tip and a field, which
@@ -37,8 +37,8 @@ from __future__ import annotations
 
 import math
 
-from design.arrays import FloatArray
-from sims.optics.surface.curves import (
+from optopad.design.arrays import FloatArray
+from optopad.sims.optics.surface.curves import (
     ACTIVE,
     BEND,
     CELLS,
@@ -59,7 +59,7 @@ from sims.optics.surface.curves import (
     X,
     Y,
 )
-from sims.optics.surface.radial import (
+from optopad.sims.optics.surface.radial import (
     NEVER,
     distance,
     fall_bound,
@@ -75,7 +75,7 @@ from sims.optics.surface.radial import (
     wall_normal,
     wall_point,
 )
-from sims.optics.surface.tops import (
+from optopad.sims.optics.surface.tops import (
     FIELD_BEND,
     FIELD_LOWEST,
     FIELD_SLOPE,

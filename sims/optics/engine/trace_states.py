@@ -57,19 +57,26 @@ from functools import cached_property
 
 import numpy as np
 
-from design.arrays import BoolArray, FloatArray, IntArray
-from sims.optics.accuracy import ACCURACIES, LADDER, Accuracy, accuracy_of, checked_target
-from sims.optics.engine.general.lower import FormedStack, check_formed, stack_formed
-from sims.optics.engine.general.trace import trace_formed
-from sims.optics.engine.light_rows import KeptRows, content_of, name_of_names, names_of, row_names, row_of
-from sims.optics.engine.stated_error import standard_error
-from sims.optics.engine.threads import run_each
-from sims.optics.engine.untouched import Untouched, gauss, straight_rules, untouched_pad
-from sims.optics.scene.lower import check_scene, wanted_pairs
-from sims.optics.scene.optical_scene import OpticalScene, SmoothField
-from sims.optics.scene.symmetry import StateClasses, each_its_own, press_keys, state_classes
-from sims.optics.surface.tops import Presses, TopStack, stack_tops
-from sims.press import Indentation
+from optopad.design.arrays import BoolArray, FloatArray, IntArray
+from optopad.sims.optics.accuracy import ACCURACIES, LADDER, Accuracy, accuracy_of, checked_target
+from optopad.sims.optics.engine.general.lower import FormedStack, check_formed, stack_formed
+from optopad.sims.optics.engine.general.trace import trace_formed
+from optopad.sims.optics.engine.light_rows import (
+    KeptRows,
+    content_of,
+    name_of_names,
+    names_of,
+    row_names,
+    row_of,
+)
+from optopad.sims.optics.engine.stated_error import standard_error
+from optopad.sims.optics.engine.threads import run_each
+from optopad.sims.optics.engine.untouched import Untouched, gauss, straight_rules, untouched_pad
+from optopad.sims.optics.scene.lower import check_scene, wanted_pairs
+from optopad.sims.optics.scene.optical_scene import OpticalScene, SmoothField
+from optopad.sims.optics.scene.symmetry import StateClasses, each_its_own, press_keys, state_classes
+from optopad.sims.optics.surface.tops import Presses, TopStack, stack_tops
+from optopad.sims.press import Indentation
 
 __all__ = ["ACCURACIES", "CLASS_NAMES", "Accuracy", "RawLight", "trace_scene"]
 
@@ -134,8 +141,8 @@ def trace_scene(
 
     Raises
     ------
-    InputError, ModelScopeError : see `sims.optics.scene.lower`, `sims.optics.surface.curves` and
-        `sims.optics.surface.tops`.
+    InputError, ModelScopeError : see `optopad.sims.optics.scene.lower`, `optopad.sims.optics.surface.curves` and
+        `optopad.sims.optics.surface.tops`.
     """
     check_scene(scene)
     centres = np.asarray(centres_mm, dtype=np.float64)
@@ -356,8 +363,8 @@ def _trace_batch(
     wanted: BoolArray, tops: TopStack, part: IntArray, fixed: Untouched, settings: Accuracy
 ) -> tuple[FloatArray, FloatArray]:
     """(state, replicate, class, emitter, receiver) flux of some states, and of it the flux mirrored once."""
-    from sims.optics.engine.compiled import trace_further, trace_once
-    from sims.optics.engine.states import CLASSES, SKIRT, TOPS
+    from optopad.sims.optics.engine.compiled import trace_further, trace_once
+    from optopad.sims.optics.engine.states import CLASSES, SKIRT, TOPS
 
     rules = straight_rules(settings)
     image_rules = (

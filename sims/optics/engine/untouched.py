@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from design.arrays import FloatArray, IntArray
-from sims.optics.accuracy import Accuracy
-from sims.optics.kernel_types import StraightRules
-from sims.optics.scene.optical_scene import OpticalScene, PadForm
+from optopad.design.arrays import FloatArray, IntArray
+from optopad.sims.optics.accuracy import Accuracy
+from optopad.sims.optics.kernel_types import StraightRules
+from optopad.sims.optics.scene.optical_scene import OpticalScene, PadForm
 
 if TYPE_CHECKING:
-    from sims.optics.surface.tops import Top
+    from optopad.sims.optics.surface.tops import Top
 
 Orders = tuple[IntArray, FloatArray, FloatArray]
 Kept = TypeVar("Kept")
@@ -42,15 +42,15 @@ class UnshiftedPad:
 
     Attributes
     ----------
-    box, emitters, receivers : arrays for the kernels; see `sims.optics.surface.radial`
+    box, emitters, receivers : arrays for the kernels; see `optopad.sims.optics.surface.radial`
     straight : (2, emitter, receiver) direct flux and flux mirrored by the top
     diffuse : (emitter, receiver) scattered flux
     given, taken : (emitter, patch) and (receiver, patch) light deposited on patches
     joined : (emitter, receiver) scattered flux computed from these deposits
     orders : layout, areas and transfer of the patches for light scattered more than once; see
-        `sims.optics.engine.repeated`
+        `optopad.sims.optics.engine.repeated`
     points : (ray, 4) Sobol points in the unit cube
-    layout, areas, reflectances : data of the patches; see `sims.optics.engine.scattered`
+    layout, areas, reflectances : data of the patches; see `optopad.sims.optics.engine.scattered`
     """
 
     box: FloatArray
@@ -175,8 +175,8 @@ def straight_rules(settings: Accuracy) -> StraightRules:
 
 
 def _no_press(box: FloatArray) -> Top:
-    from sims.optics.surface.curves import HIGHEST, LOWEST, ROW, TOP
-    from sims.optics.surface.tops import Top
+    from optopad.sims.optics.surface.curves import HIGHEST, LOWEST, ROW, TOP
+    from optopad.sims.optics.surface.tops import Top
 
     rows = np.zeros((1, ROW))
     rows[0, [TOP, LOWEST, HIGHEST]] = box[2]
@@ -197,7 +197,7 @@ class _Parts:
         self, shift: FloatArray, count: int, layout: IntArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Deposits (emitter, patch) and (receiver, patch), and (emitter, receiver) flux mirrored by walls."""
-        from sims.optics.engine import compiled
+        from optopad.sims.optics.engine import compiled
 
         first_e, first_r = compiled.EMITTER_SEQUENCE, compiled.RECEIVER_SEQUENCE
         rest = (self.receivers, self.box, _no_press(self.box), self.points, count, shift)
@@ -207,7 +207,7 @@ class _Parts:
 
     def joined(self, given: FloatArray, taken: FloatArray, layout: IntArray, areas: FloatArray) -> FloatArray:
         """(emitter, receiver) flux scattered once, from deposits (emitter, patch) and (receiver, patch)."""
-        from sims.optics.engine import compiled
+        from optopad.sims.optics.engine import compiled
 
         return np.asarray(compiled.joined(given, taken, self.receivers, areas, layout, self.reflectances))
 
@@ -219,7 +219,7 @@ class _Parts:
         orders: Orders,
     ) -> FloatArray:
         """(emitter, receiver) flux scattered once or more, from deposits (emitter, patch) and (receiver, patch)."""
-        from sims.optics.engine import compiled
+        from optopad.sims.optics.engine import compiled
 
         return np.asarray(
             compiled.scattered(
@@ -236,7 +236,7 @@ class _Parts:
 
     def orders(self) -> Orders:
         """Data for light scattered more than once: layout, areas and transfer of patches."""
-        from sims.optics.engine import compiled
+        from optopad.sims.optics.engine import compiled
 
         box = self.box
         surface = 2 * (box[0] + box[1]) * box[2] + box[0] * box[1]
@@ -278,10 +278,10 @@ def _wall_reference_rays(settings: Accuracy) -> int:
 def _solved(scene: OpticalScene, settings: Accuracy, rays: int) -> UnshiftedPad:
     from scipy.stats import qmc
 
-    from sims.kernels import compile_beside
-    from sims.optics.engine import compiled
+    from optopad.sims.kernels import compile_beside
+    from optopad.sims.optics.engine import compiled
 
-    compile_beside("sims.optics.compiling", compiled.trace_further)
+    compile_beside("optopad.sims.optics.compiling", compiled.trace_further)
     box, emitters, receivers = packed(scene)
     points = qmc.Sobol(4, scramble=True, rng=POINT_SEED).random(rays)
     reflectances = np.array([scene.wall_reflectance] * 4 + [scene.bottom_reflectance, scene.tip_reflectance])
@@ -310,7 +310,7 @@ def _solved(scene: OpticalScene, settings: Accuracy, rays: int) -> UnshiftedPad:
 
 def _shifted(scene: OpticalScene, pad: UnshiftedPad, settings: Accuracy, seed: int) -> Untouched:
     """The untouched pad's light with the offsets of a seed, including rays between smooth walls."""
-    from sims.optics.engine import compiled
+    from optopad.sims.optics.engine import compiled
 
     shifts = _shifts(settings, seed)
     wall = np.zeros((len(shifts), len(pad.emitters), len(pad.receivers)))

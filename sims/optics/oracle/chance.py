@@ -14,7 +14,7 @@ import math
 import numpy as np
 from numba import njit
 
-from design.arrays import FloatArray
+from optopad.design.arrays import FloatArray
 
 
 @njit()

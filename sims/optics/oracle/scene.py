@@ -15,11 +15,11 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from design.arrays import BoolArray, FloatArray, IntArray
-from design.errors import InputError
-from sims.optics.oracle.chance import pattern_shares
-from sims.optics.oracle.surface import REACH_SHARE, sag
-from sims.optics.scene.optical_scene import OpticalScene, PadForm
+from optopad.design.arrays import BoolArray, FloatArray, IntArray
+from optopad.design.errors import InputError
+from optopad.sims.optics.oracle.chance import pattern_shares
+from optopad.sims.optics.oracle.surface import REACH_SHARE, sag
+from optopad.sims.optics.scene.optical_scene import OpticalScene, PadForm
 
 
 @njit()

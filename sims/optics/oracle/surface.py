@@ -57,7 +57,7 @@ from typing import NamedTuple
 
 from numba import njit
 
-from design.arrays import FloatArray, IntArray
+from optopad.design.arrays import FloatArray, IntArray
 
 NOTHING, FREE, CONTACT = 0, 1, 2
 INSIDE, OUTSIDE = 1.0, -1.0

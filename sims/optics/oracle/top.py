@@ -38,11 +38,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import PchipInterpolator
 
-from design.arrays import FloatArray
-from design.errors import InputError, ModelScopeError
-from design.shape.top import Top
-from sims.optics.oracle.scene import UNIT_TOLERANCE, beyond_walls_mm, outline_mm
-from sims.optics.oracle.surface import (
+from optopad.design.arrays import FloatArray
+from optopad.design.errors import InputError, ModelScopeError
+from optopad.design.shape.top import Top
+from optopad.sims.optics.oracle.scene import UNIT_TOLERANCE, beyond_walls_mm, outline_mm
+from optopad.sims.optics.oracle.surface import (
     BINS,
     BLOCK,
     REACH_SHARE,
@@ -50,8 +50,8 @@ from sims.optics.oracle.surface import (
     STEEPEST_SHARE,
     Surface,
 )
-from sims.optics.scene.optical_scene import OpticalScene, SmoothField
-from sims.press import Indentation
+from optopad.sims.optics.scene.optical_scene import OpticalScene, SmoothField
+from optopad.sims.press import Indentation
 
 Presses = Indentation | None | Sequence[Indentation | None]
 """The presses in one state: one press, None for the untouched pad, or one press or None for each tip."""

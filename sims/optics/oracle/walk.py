@@ -36,9 +36,15 @@ import math
 import numpy as np
 from numba import njit
 
-from design.arrays import FloatArray
-from sims.optics.oracle.chance import direction_about, draw, lobe_direction, pattern_cosine, table_value
-from sims.optics.oracle.scene import (
+from optopad.design.arrays import FloatArray
+from optopad.sims.optics.oracle.chance import (
+    direction_about,
+    draw,
+    lobe_direction,
+    pattern_cosine,
+    table_value,
+)
+from optopad.sims.optics.oracle.scene import (
     BOTTOM_FACE,
     NO_FACE,
     OracleScene,
@@ -50,7 +56,7 @@ from sims.optics.oracle.scene import (
     refracted_direction,
     untouched_top,
 )
-from sims.optics.oracle.surface import (
+from optopad.sims.optics.oracle.surface import (
     CONTACT,
     INSIDE,
     NOTHING,

@@ -10,13 +10,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from design.arrays import BoolArray, FloatArray, IntArray
-from design.errors import InputError
-from design.shape.cavity import PlacedPart, Plan, cavity_of
-from design.shape.outline import Arc, Outline
-from design.spec import SensorDesign
-from design.spec.properties import absorption_coefficient_per_mm, emitter_order, refractive_index, wall_index
-from sims.optics.scene.optical_scene import (
+from optopad.design.arrays import BoolArray, FloatArray, IntArray
+from optopad.design.errors import InputError
+from optopad.design.shape.cavity import PlacedPart, Plan, cavity_of
+from optopad.design.shape.outline import Arc, Outline
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.properties import (
+    absorption_coefficient_per_mm,
+    emitter_order,
+    refractive_index,
+    wall_index,
+)
+from optopad.sims.optics.scene.optical_scene import (
     COSINE_NODES,
     WHOLE_CIRCLE,
     OpticalScene,
@@ -138,7 +143,8 @@ def _check_pattern(pattern: FloatArray, emitters: int) -> None:
         if abs(power - 1.0) > POWER_TOLERANCE:
             raise InputError(
                 f"emitter_pattern[{k}]: its power 2 pi int c L dc is {power:.7g}, must be 1 within "
-                f"{POWER_TOLERANCE:g}; divide the row by it (sims.optics.scene.optical_scene.normalised_pattern)"
+                f"{POWER_TOLERANCE:g}; divide the row by it "
+                "(optopad.sims.optics.scene.optical_scene.normalised_pattern)"
             )
 
 

@@ -15,7 +15,8 @@ between them.
 Pads of other shape (`PadForm`)
 -------------------------------
 In plan the elastomer is convex. A point p is inside if n · (p - o) <= 0 for every flat wall, and |p - c| <= r for every
-round wall with p in the sector of its centre c. The bottom is the plane z = 0; the top is a `design.shape.top.Top`.
+round wall with p in the sector of its centre c. The bottom is the plane z = 0; the top is a
+`optopad.design.shape.top.Top`.
 
 Response of a receiver
 ----------------------
@@ -74,11 +75,11 @@ from functools import lru_cache
 
 import numpy as np
 
-from design.arrays import FloatArray, IntArray
-from design.errors import InputError
-from design.parts.angular import AngularTable
-from design.parts.catalog import Part
-from design.shape.top import Top
+from optopad.design.arrays import FloatArray, IntArray
+from optopad.design.errors import InputError
+from optopad.design.parts.angular import AngularTable
+from optopad.design.parts.catalog import Part
+from optopad.design.shape.top import Top
 
 WALL_COLUMNS = ("x", "y", "tx", "ty", "nx", "ny")
 ARC_COLUMNS = ("x", "y", "radius", "ux", "uy", "cosine")

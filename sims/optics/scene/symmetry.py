@@ -15,9 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from design.arrays import FloatArray, IntArray
-from sims.optics.scene.optical_scene import WHOLE_CIRCLE, OpticalScene, PadForm
-from sims.press import Indentation
+from optopad.design.arrays import FloatArray, IntArray
+from optopad.sims.optics.scene.optical_scene import WHOLE_CIRCLE, OpticalScene, PadForm
+from optopad.sims.press import Indentation
 
 SAME_PLACE_MM = 1e-6
 """Two points count as the same if their coordinates differ by no more than this, which allows for rounding."""

@@ -19,10 +19,10 @@ Choices and their bounds
   curve is a wall as steep as `MAX_SLOPE`.
 * The curve is cut at the last point that is higher than `CUT_HEIGHT_MM` or steeper than `CUT_SLOPE`, and ends in a tail
   of `TAIL_MM`. A residual slope e moves a mirror image at distance D by 2 e D: at 20 mm 0.8 µm, below 0.05 % of a 2 mm
-  receiver. That holds for curves that end flat, as the contact model's do (`sims.contact.library.smooth_press`).
-  Otherwise the tail dips by 4/27 of slope x `TAIL_MM`.
+  receiver. That holds for curves that end flat, as the contact model's do
+  (`optopad.sims.contact.library.smooth_press`). Otherwise the tail dips by 4/27 of slope x `TAIL_MM`.
 
-Whatever is not axisymmetric is left out here; `sims.optics.surface.tops` adds several tips and a smooth field.
+Whatever is not axisymmetric is left out here; `optopad.sims.optics.surface.tops` adds several tips and a smooth field.
 
 Table
 -----
@@ -50,10 +50,10 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from scipy.interpolate import Akima1DInterpolator, CubicHermiteSpline
 
-from design.arrays import FloatArray
-from design.errors import InputError, ModelScopeError
-from sims.optics.scene.optical_scene import OpticalScene
-from sims.press import Indentation
+from optopad.design.arrays import FloatArray
+from optopad.design.errors import InputError, ModelScopeError
+from optopad.sims.optics.scene.optical_scene import OpticalScene
+from optopad.sims.press import Indentation
 
 CELLS = 320
 LEVELS = 64

@@ -1,8 +1,8 @@
 # mypy: no-warn-return-any
 """Kernels: the radial table of one tip's curve, and basic functions of walls, patches and Fresnel reflection.
 
-`rows` (tip, n) has the columns of `sims.optics.surface.curves.SurfaceStack` for each tip (`ROW` columns). `box` is
-(length, width, height, refractive index, absorption per mm, index behind smooth walls or 0). The active area of an
+`rows` (tip, n) has the columns of `optopad.sims.optics.surface.curves.SurfaceStack` for each tip (`ROW` columns). `box`
+is (length, width, height, refractive index, absorption per mm, index behind smooth walls or 0). The active area of an
 emitter or receiver is a `patch`: wall, centre along the wall, z, half width, half height, Lambertian order (-1: table),
 full area as mounted, then a table of radiance at the cosine's nodes. Fresnel reflection is unpolarised, from inside
 (Born and Wolf, sec. 1.5).
@@ -15,9 +15,9 @@ from typing import Any
 
 from numba import njit
 
-from design.arrays import FloatArray
-from sims.optics.kernel_types import KernelDecorator
-from sims.optics.surface.curves import (
+from optopad.design.arrays import FloatArray
+from optopad.sims.optics.kernel_types import KernelDecorator
+from optopad.sims.optics.surface.curves import (
     CELLS,
     CONTACT,
     CONTACT_PARTS,

@@ -3,9 +3,10 @@
 
 Model
 -----
-The top's height above the undisturbed plane is the sum of every tip's radial curve (`sims.optics.surface.curves`) and
-of a smooth bicubic field (`sims.optics.scene.optical_scene`). The sum is exact where at most one curve differs from
-zero. It leaves out the deformation of one tip's dimple under another, so overlapping steep parts are refused.
+The top's height above the undisturbed plane is the sum of every tip's radial curve
+(`optopad.sims.optics.surface.curves`) and of a smooth bicubic field (`optopad.sims.optics.scene.optical_scene`). The
+sum is exact where at most one curve differs from zero. It leaves out the deformation of one tip's dimple under another,
+so overlapping steep parts are refused.
 
 Grid
 ----
@@ -26,10 +27,10 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from design.arrays import FloatArray, IntArray
-from design.errors import InputError, ModelScopeError
-from sims.optics.scene.optical_scene import OpticalScene, SmoothField
-from sims.optics.surface.curves import (
+from optopad.design.arrays import FloatArray, IntArray
+from optopad.design.errors import InputError, ModelScopeError
+from optopad.sims.optics.scene.optical_scene import OpticalScene, SmoothField
+from optopad.sims.optics.surface.curves import (
     ACTIVE,
     CELLS,
     COLUMNS,
@@ -48,7 +49,7 @@ from sims.optics.surface.curves import (
     node_radii_mm,
     stack_surfaces,
 )
-from sims.optics.surface.radial import (
+from optopad.sims.optics.surface.radial import (
     array_kernel,
     contact_radius_2,
     distance,
@@ -58,7 +59,7 @@ from sims.optics.surface.radial import (
     inlined,
     kernel,
 )
-from sims.press import Indentation
+from optopad.sims.press import Indentation
 
 FIELD_ON, FIELD_X, FIELD_Y, PER_X, PER_Y, FIELD_LOWEST, FIELD_SLOPE, FIELD_BEND, SLACK = range(
     COLUMNS, COLUMNS + FIELD_COLUMNS
@@ -70,7 +71,7 @@ class Top(NamedTuple):
 
     Attributes
     ----------
-    rows : (tip, n) numbers of each tip; see `sims.optics.surface.curves`. The first row also has, from column
+    rows : (tip, n) numbers of each tip; see `optopad.sims.optics.surface.curves`. The first row also has, from column
         `FIELD_ON`: 1 if there is a field, else 0; the field's origin [mm], cells per mm along x and y, lowest value (0
         or below) [mm], largest slope [-] and bend [1/mm]; largest amount by which the field and the other tips lower
         the top [mm]

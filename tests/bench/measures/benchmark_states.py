@@ -16,13 +16,13 @@ from pathlib import Path
 
 import numpy as np
 
-from design.arrays import BoolArray, FloatArray
-from design.io import load_design
-from design.spec import SensorDesign
-from sims.contact import indent
-from sims.optics.scene.lower import scene_of
-from sims.optics.scene.optical_scene import OpticalScene
-from sims.press import Indentation
+from optopad.design.arrays import BoolArray, FloatArray
+from optopad.design.io import load_design
+from optopad.design.spec import SensorDesign
+from optopad.sims.contact import indent
+from optopad.sims.optics.scene.lower import scene_of
+from optopad.sims.optics.scene.optical_scene import OpticalScene
+from optopad.sims.press import Indentation
 from tests.sims.optics.surface.analytic import compact_dimple
 
 DESIGN_FILE = Path(__file__).with_name("light-benchmark.toml")

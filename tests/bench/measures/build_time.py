@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 
-from design.io import save_design
-from design.preset import PRESETS, preset
+from optopad.design.io import save_design
+from optopad.design.preset import PRESETS, preset
 
 ROOT = Path(__file__).parents[3]
 LIMIT_S = 10.0
@@ -34,7 +34,7 @@ def build_time(name: str) -> BuildTime:
         save_design(preset(name), design)
         before, start = os.times(), perf_counter()
         subprocess.run(
-            [sys.executable, "-m", "cad", str(design), str(out)],
+            [sys.executable, "-m", "optopad.cad", str(design), str(out)],
             cwd=ROOT,
             env=os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
             check=True,

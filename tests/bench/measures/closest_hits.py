@@ -9,11 +9,11 @@ from time import process_time
 import numpy as np
 from numba import njit
 
-from design.arrays import FloatArray
-from sims.optics.engine.straight import top_hit
-from sims.optics.surface.radial import wall_hit
-from sims.optics.surface.tops import Top, stack_tops
-from sims.press import Indentation
+from optopad.design.arrays import FloatArray
+from optopad.sims.optics.engine.straight import top_hit
+from optopad.sims.optics.surface.radial import wall_hit
+from optopad.sims.optics.surface.tops import Top, stack_tops
+from optopad.sims.press import Indentation
 from tests.bench.measures import forward_walk
 from tests.bench.measures.benchmark_states import benchmark_scene
 from tests.bench.measures.surface_mesh import box_mesh, top_mesh

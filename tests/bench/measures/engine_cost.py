@@ -9,10 +9,10 @@ from time import process_time
 import numba
 import numpy as np
 
-from design.arrays import BoolArray, FloatArray
-from sims.optics.engine.trace_states import Accuracy, trace_scene
-from sims.optics.scene.optical_scene import OpticalScene
-from sims.press import Indentation
+from optopad.design.arrays import BoolArray, FloatArray
+from optopad.sims.optics.engine.trace_states import Accuracy, trace_scene
+from optopad.sims.optics.scene.optical_scene import OpticalScene
+from optopad.sims.press import Indentation
 
 Setting = str | float | Accuracy
 

@@ -4,7 +4,7 @@ Every emitter sends rays by its cosine law; a ray flies to the nearest of walls,
 with its Fresnel share as weight, is scattered by walls and bottom by chance, and ends on a receiver, on the tip or
 where it is not scattered. No path is guided towards a receiver: this is the tracer that one writes first. It knows the
 compact dimple of `tests.sims.optics.surface.analytic` (without pile-up) in closed form and shares no code with
-`sims.optics`.
+`optopad.sims.optics`.
 
 The dimple is met by testing intervals of the ray: the top is lowest where the interval comes nearest to the axis, so an
 interval whose highest end lies below that is passed over and the next one is twice as long; else it is cut, down to
@@ -20,9 +20,9 @@ from time import process_time
 import numpy as np
 from numba import njit
 
-from design.arrays import BoolArray, FloatArray
-from sims.optics.scene.optical_scene import OpticalScene
-from sims.press import Indentation
+from optopad.design.arrays import BoolArray, FloatArray
+from optopad.sims.optics.scene.optical_scene import OpticalScene
+from optopad.sims.press import Indentation
 
 SHORTEST_MM = 0.02
 FAINT, KEPT = 1e-3, 0.1

@@ -7,7 +7,7 @@ from time import perf_counter, process_time
 
 import numba
 
-from sims.optics.engine.trace_states import RawLight, trace_scene
+from optopad.sims.optics.engine.trace_states import RawLight, trace_scene
 from tests.bench.measures.benchmark_states import benchmark_scene, pad_scan
 
 THREADS = 2

@@ -16,10 +16,10 @@ start = perf_counter()
 import hashlib
 import json
 import numpy as np
-from design.io import load_design
+from optopad.design.io import load_design
 from tests.sims.optics.surface.analytic import compact_dimple
-from sims.optics.scene.lower import scene_of
-from sims.optics.engine.trace_states import trace_scene
+from optopad.sims.optics.scene.lower import scene_of
+from optopad.sims.optics.engine.trace_states import trace_scene
 imported = perf_counter()
 scene = scene_of(load_design("tests/bench/measures/light-benchmark.toml"))
 raw = trace_scene(scene, np.array([[14.0, 17.0]]), [compact_dimple(2.0)])

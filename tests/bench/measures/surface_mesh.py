@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline, RectBivariateSpline
 
-from design.arrays import FloatArray, IntArray
-from design.shape.top import Top
-from sims.optics.scene.optical_scene import OpticalScene, PadForm
-from sims.press import Indentation
+from optopad.design.arrays import FloatArray, IntArray
+from optopad.design.shape.top import Top
+from optopad.sims.optics.scene.optical_scene import OpticalScene, PadForm
+from optopad.sims.press import Indentation
 from tests.bench.measures.forward_walk import dimple_row
 
 GRID = 192

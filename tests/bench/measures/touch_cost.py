@@ -18,14 +18,14 @@ from time import process_time
 
 import numpy as np
 
-from design.preset import preset
-from fabrication.driver.drift import DriftTracker
-from fabrication.driver.simulated.finger import demo_path
-from fabrication.driver.simulated.port import FakePort
-from fabrication.driver_config import dump_driver_config
-from sims.learning.inference.kernel_ridge import KernelRidgeModel
-from sims.learning.inference.model_file import save_model
-from sims.learning.inference.touch_model import TouchModel
+from optopad.design.preset import preset
+from optopad.fabrication.driver.drift import DriftTracker
+from optopad.fabrication.driver.simulated.finger import demo_path
+from optopad.fabrication.driver.simulated.port import FakePort
+from optopad.fabrication.driver_config import dump_driver_config
+from optopad.sims.learning.inference.kernel_ridge import KernelRidgeModel
+from optopad.sims.learning.inference.model_file import save_model
+from optopad.sims.learning.inference.touch_model import TouchModel
 from tests.fabrication.driver.made_up_model import header, made_up_model, readings
 from tests.fabrication.driver.made_up_pad import board, pad_config, untouched
 from tests.sims.learning.made_up_map import made_up_map_model, made_up_noise, noisy_signals, random_presses

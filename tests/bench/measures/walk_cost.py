@@ -16,7 +16,7 @@ from importlib.util import find_spec
 
 import numpy as np
 
-from sims.optics.engine.trace_states import ACCURACIES
+from optopad.sims.optics.engine.trace_states import ACCURACIES
 from tests.bench.measures.benchmark_states import benchmark_scene, different_walls
 from tests.bench.measures.engine_cost import Cost, cheapest, costs
 from tests.bench.measures.forward_walk import Walked, walk

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from scipy.signal import lti, step
 
-from design.circuit.amplifier import Load, chosen_amplifier, least_feedback_pf, settles_us
-from design.circuit.emitter_switch import transistor_of
-from design.circuit.transimpedance import feedbacks_of
-from design.parts.catalog import packaged
-from design.preset import preset
-from design.rules.check import check
-from design.shape.cavity import cavity_of
-from design.spec.properties import part_of
+from optopad.design.circuit.amplifier import Load, chosen_amplifier, least_feedback_pf, settles_us
+from optopad.design.circuit.emitter_switch import transistor_of
+from optopad.design.circuit.transimpedance import feedbacks_of
+from optopad.design.parts.catalog import packaged
+from optopad.design.preset import preset
+from optopad.design.rules.check import check
+from optopad.design.shape.cavity import cavity_of
+from optopad.design.spec.properties import part_of
 from tests.said import says
 
 PAD = preset("piacenza2017-pad")

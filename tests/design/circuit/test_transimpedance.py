@@ -8,21 +8,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from design.circuit.pins import board_of
-from design.circuit.transimpedance import (
+from optopad.design.circuit.pins import board_of
+from optopad.design.circuit.transimpedance import (
     counts_per_flux_per_ohm,
     emitted_mw,
     feedbacks_of,
     fitted_counts_per_flux,
     responsivity_at,
 )
-from design.errors import DesignError
-from design.parts.assumptions import E24, assumption, standard_nearest
-from design.parts.catalog import Part, packaged
-from design.preset import PRESETS, preset
-from design.rules.check import check, require_valid
-from design.shape.cavity import cavity_of
-from design.spec.properties import part_of, used_values
+from optopad.design.errors import DesignError
+from optopad.design.parts.assumptions import E24, assumption, standard_nearest
+from optopad.design.parts.catalog import Part, packaged
+from optopad.design.preset import PRESETS, preset
+from optopad.design.rules.check import check, require_valid
+from optopad.design.shape.cavity import cavity_of
+from optopad.design.spec.properties import part_of, used_values
 
 PAD = preset("piacenza2017-pad")
 

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from design.errors import DesignError
-from design.fields.base import get_at, known_paths, leaves, set_at
-from design.spec import SensorDesign
+from optopad.design.errors import DesignError
+from optopad.design.fields.base import get_at, known_paths, leaves, set_at
+from optopad.design.spec import SensorDesign
 
 KNOWN = known_paths(SensorDesign)
 

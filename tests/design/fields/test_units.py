@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from design.fields.quantity import lambertian_order
+from optopad.design.fields.quantity import lambertian_order
 
 
 def test_sixty_degrees_is_the_lambertian_order_itself():

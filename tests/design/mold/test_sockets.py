@@ -2,11 +2,11 @@
 
 import pytest
 
-from design.mold.outline import outline_of
-from design.mold.sockets import Cut, WallFrame
-from design.preset import preset
-from design.shape.cavity import cavity_of
-from design.shape.outline import rectangle
+from optopad.design.mold.outline import outline_of
+from optopad.design.mold.sockets import Cut, WallFrame
+from optopad.design.preset import preset
+from optopad.design.shape.cavity import cavity_of
+from optopad.design.shape.outline import rectangle
 
 PAD = preset("piacenza2017-pad")
 LED = "sunled-xscwd23mb"

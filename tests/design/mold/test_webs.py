@@ -6,8 +6,8 @@ import sys
 
 import pytest
 
-from design.mold.webs import bodies_above_rim, clearances, pockets_below_clear_layer, tightest
-from design.preset import preset
+from optopad.design.mold.webs import bodies_above_rim, clearances, pockets_below_clear_layer, tightest
+from optopad.design.preset import preset
 
 DESIGN = preset("piacenza2017-pad")
 SFH = "osram-sfh206k"
@@ -93,7 +93,7 @@ def test_tall_bodies_and_deep_pockets_are_named():
 
 def test_clearances_need_no_cad_kernel():
     code = (
-        "import sys, design.mold.webs, design.mold.outline; "
+        "import sys, optopad.design.mold.webs, optopad.design.mold.outline; "
         "print('cadquery' in sys.modules, 'OCP' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

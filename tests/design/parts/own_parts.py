@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 from typing import Any, Literal
 
-from design.parts import catalog
-from design.spec import SensorDesign
+from optopad.design.parts import catalog
+from optopad.design.spec import SensorDesign
 from tests.design.spec.spec_fields import good
 
 BASE = {"emitter": "generic-emitter", "receiver": "osram-sfh206k"}

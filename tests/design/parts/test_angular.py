@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from design.parts.angular import AngularTable
+from optopad.design.parts.angular import AngularTable
 
 
 def table(angle_deg, relative):

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from design.errors import DesignError
-from design.parts import catalog
-from design.parts.catalog import CatalogEntries, Part, Quantity
+from optopad.design.errors import DesignError
+from optopad.design.parts import catalog
+from optopad.design.parts.catalog import CatalogEntries, Part, Quantity
 from tests.said import says
 
 ENTRIES = catalog.packaged()
@@ -52,7 +52,7 @@ def refused(mapping):
 
 def test_every_packaged_file_loads_and_contributes():
     for name in catalog.PACKAGED_FILES:
-        text = resources.files("design").joinpath("data", f"{name}.toml").read_text(encoding="utf-8")
+        text = resources.files("optopad.design").joinpath("data", f"{name}.toml").read_text(encoding="utf-8")
         entries = catalog.parse_entries(tomllib.loads(text), name)
         assert sum(len(getattr(entries, table)) for table in CatalogEntries.model_fields) >= 2
 

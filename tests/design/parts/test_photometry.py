@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from design.errors import InputError
-from design.fields.quantity import Quantity
-from design.parts.catalog import packaged
-from design.parts.packages import ELASTOMER_INDEX, EPOXY_INDEX, half_angle_in_elastomer, packages
-from design.parts.photometry import (
+from optopad.design.errors import InputError
+from optopad.design.fields.quantity import Quantity
+from optopad.design.parts.catalog import packaged
+from optopad.design.parts.packages import ELASTOMER_INDEX, EPOXY_INDEX, half_angle_in_elastomer, packages
+from optopad.design.parts.photometry import (
     Intensity,
     efficacy_lm_per_w,
     luminosity,

@@ -3,11 +3,11 @@
 import pytest
 from pydantic import ValidationError
 
-from design.errors import DesignError
-from design.fields.quantity import Quantity
-from design.parts import catalog
-from design.parts.spectrum import Spectrum, spectral_index
-from design.spec import properties
+from optopad.design.errors import DesignError
+from optopad.design.fields.quantity import Quantity
+from optopad.design.parts import catalog
+from optopad.design.parts.spectrum import Spectrum, spectral_index
+from optopad.design.spec import properties
 from tests.design.parts.own_parts import with_own_part
 from tests.design.spec.spec_fields import good
 

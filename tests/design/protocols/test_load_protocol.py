@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 from pydantic import ValidationError
 
-from design.errors import InputError
-from design.fields.quantity import Quantity
-from design.press_protocol import LoadProtocol, load_protocol
+from optopad.design.errors import InputError
+from optopad.design.fields.quantity import Quantity
+from optopad.design.press_protocol import LoadProtocol, load_protocol
 from tests.said import pattern
 
 PAPER = load_protocol("piacenza2017")

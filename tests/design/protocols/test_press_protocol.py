@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from design.errors import DesignError, InputError, ModelScopeError
-from design.preset import PRESETS, preset
-from design.press_protocol import PROTOCOLS, PressProtocol, load_protocol_file, protocol_from
+from optopad.design.errors import DesignError, InputError, ModelScopeError
+from optopad.design.preset import PRESETS, preset
+from optopad.design.press_protocol import PROTOCOLS, PressProtocol, load_protocol_file, protocol_from
 
 PAD = preset("piacenza2017-pad")
 

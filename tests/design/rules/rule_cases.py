@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from design.fields.finding import Finding
-from design.rules.check import check
-from design.spec import SensorDesign
+from optopad.design.fields.finding import Finding
+from optopad.design.rules.check import check
+from optopad.design.spec import SensorDesign
 from tests.design.spec.spec_fields import with_layout
 
 BENCHMARK = {"emitters.part": "generic-emitter", "receivers.part": "generic-receiver"}

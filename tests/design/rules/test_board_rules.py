@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from design.circuit.emitter_switch import emitter_switch, most_drive_ma
-from design.circuit.pins import (
+from optopad.design.circuit.emitter_switch import emitter_switch, most_drive_ma
+from optopad.design.circuit.pins import (
     assigned_pins,
     baud_error,
     board_of,
@@ -22,13 +22,13 @@ from design.circuit.pins import (
     made_baud,
     state_count,
 )
-from design.circuit.transimpedance import counts_per_flux_per_ohm
-from design.errors import DesignError
-from design.parts.catalog import find_board, packaged
-from design.rules.check import check
-from design.shape.cavity import cavity_of
-from design.spec import BoardUse
-from fabrication.sheets.schematic_svg import schematic_svg
+from optopad.design.circuit.transimpedance import counts_per_flux_per_ohm
+from optopad.design.errors import DesignError
+from optopad.design.parts.catalog import find_board, packaged
+from optopad.design.rules.check import check
+from optopad.design.shape.cavity import cavity_of
+from optopad.design.spec import BoardUse
+from optopad.fabrication.sheets.schematic_svg import schematic_svg
 from tests.design.rules.rule_cases import only
 from tests.design.spec.spec_fields import good, with_layout
 from tests.said import pattern, says

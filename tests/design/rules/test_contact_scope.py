@@ -2,8 +2,8 @@
 
 import pytest
 
-from design.preset import preset
-from design.rules.check import check
+from optopad.design.preset import preset
+from optopad.design.rules.check import check
 
 
 def words_about(field, **changes):

@@ -2,12 +2,12 @@
 
 import pytest
 
-from design.errors import DesignError
-from design.fields.finding import Finding
-from design.io import dump_design, load_design
-from design.parts.catalog import parse_entries
-from design.rules.check import check
-from design.spec.properties import part_of, refractive_index, used_values, wall_index
+from optopad.design.errors import DesignError
+from optopad.design.fields.finding import Finding
+from optopad.design.io import dump_design, load_design
+from optopad.design.parts.catalog import parse_entries
+from optopad.design.rules.check import check
+from optopad.design.spec.properties import part_of, refractive_index, used_values, wall_index
 from tests.design.parts.own_parts import SHEET, own_part, quantity, with_own_part
 from tests.design.spec.spec_fields import good
 

@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from design.fields.finding import Finding
-from design.mold.webs import clearances, rim_clearances
-from design.preset import preset
-from design.rules.check import check, notes
-from design.rules.mold import WORDS, web_findings
-from design.spec import SensorDesign
+from optopad.design.fields.finding import Finding
+from optopad.design.mold.webs import clearances, rim_clearances
+from optopad.design.preset import preset
+from optopad.design.rules.check import check, notes
+from optopad.design.rules.mold import WORDS, web_findings
+from optopad.design.spec import SensorDesign
 from tests.design.rules.rule_cases import BENCHMARK, about, and_more, facing, only, single
 from tests.design.spec.spec_fields import good, with_layout
 from tests.said import says

@@ -6,12 +6,12 @@ import re
 
 import pytest
 
-from design.errors import DesignError, ModelScopeError
-from design.fields.finding import OUT_OF_SCOPE
-from design.preset import preset
-from design.rules.check import check, require_scope, require_valid
-from design.rules.light import deepest_modelled_mm
-from design.spec import SensorDesign
+from optopad.design.errors import DesignError, ModelScopeError
+from optopad.design.fields.finding import OUT_OF_SCOPE
+from optopad.design.preset import preset
+from optopad.design.rules.check import check, require_scope, require_valid
+from optopad.design.rules.light import deepest_modelled_mm
+from optopad.design.spec import SensorDesign
 from tests.design.rules.rule_cases import BENCHMARK, about, and_more, facing, only, single
 from tests.design.spec.spec_fields import good, with_layout
 

@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from design.errors import DesignError
-from design.preset import FLAT_PRESETS, SHAPED_PRESETS, preset
-from design.rules.check import check, require_valid
-from design.rules.shape import deepest_modelled_mm, thinnest_elastic_mm
-from design.spec import SensorDesign
+from optopad.design.errors import DesignError
+from optopad.design.preset import FLAT_PRESETS, SHAPED_PRESETS, preset
+from optopad.design.rules.check import check, require_valid
+from optopad.design.rules.shape import deepest_modelled_mm, thinnest_elastic_mm
+from optopad.design.spec import SensorDesign
 from tests.said import says
 
 DISC, CROWNED, DOME, FLAT = "levi2013-disc", "crowned-40x25", "fingertip-dome", "piacenza2017-pad"

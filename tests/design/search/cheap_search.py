@@ -9,11 +9,11 @@ import sys
 import time
 from pathlib import Path
 
-from design.preset import preset
-from design.search.explore import Findings, explore
-from design.search.improve import Judged, Limit
-from design.search.space import SearchSpace, space_from
-from design.spec import SensorDesign
+from optopad.design.preset import preset
+from optopad.design.search.explore import Findings, explore
+from optopad.design.search.improve import Judged, Limit
+from optopad.design.search.space import SearchSpace, space_from
+from optopad.design.spec import SensorDesign
 
 
 def cheap_space(sampler: str = "tpe", **changes: object) -> SearchSpace:

@@ -14,10 +14,10 @@ import numpy as np
 import optuna
 import pytest
 
-from design.errors import DesignError, InputError
-from design.search.explore import explore, findings_of, sampler_of
-from design.search.front import not_dominated
-from design.search.improve import Judged
+from optopad.design.errors import DesignError, InputError
+from optopad.design.search.explore import explore, findings_of, sampler_of
+from optopad.design.search.front import not_dominated
+from optopad.design.search.improve import Judged
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
@@ -110,7 +110,7 @@ def test_designs_that_died_change_neither_the_others_nor_their_numbers(
         return bowl(design, limits)
 
     with monkeypatch.context() as patch:
-        patch.setattr("design.search.explore.release", lambda *_: None)
+        patch.setattr("optopad.design.search.explore.release", lambda *_: None)
         with pytest.raises(RuntimeError, match="killed"):
             explore(cheap_space(sampler), dies, url_in(tmp_path), trials=14)
     with pytest.raises(RuntimeError, match="killed"):
@@ -123,8 +123,8 @@ def test_designs_that_died_change_neither_the_others_nor_their_numbers(
 
 SEARCH = """
 import json, sys
-from design.search.explore import explore
-from design.search.importance import importances
+from optopad.design.search.explore import explore
+from optopad.design.search.importance import importances
 from tests.design.search.cheap_search import bowl, cheap_space
 found = explore(cheap_space(), bowl, sys.argv[1], trials=26)
 tried = [(one.number, list(one.parameters.items()), list(one.judged.figures.items())) for one in found.tried]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from design.errors import DesignError, InputError
-from design.preset import preset
-from design.search.explore import explore
-from design.search.improve import (
+from optopad.design.errors import DesignError, InputError
+from optopad.design.preset import preset
+from optopad.design.search.explore import explore
+from optopad.design.search.improve import (
     AMPLE_MARGIN,
     CLEAR,
     HEIGHTS,
@@ -21,7 +21,7 @@ from design.search.improve import (
     picks,
     usable_of,
 )
-from design.search.points import first_points, refinements, spread_points, start_of
+from optopad.design.search.points import first_points, refinements, spread_points, start_of
 
 PAIR, PAD = preset("piacenza2017-pair"), preset("piacenza2017-pad")
 RAISED = {HEIGHTS[0]: 1, HEIGHTS[1]: 1, CLEAR: -1}

@@ -16,8 +16,8 @@ from pathlib import Path
 
 import pytest
 
-from design.errors import InputError
-from design.search.explore import explore, findings_of, grid_size
+from optopad.design.errors import InputError
+from optopad.design.search.explore import explore, findings_of, grid_size
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]

@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from design.mold.filling import filling_holes
-from design.mold.outline import outline_of
-from design.preset import SHAPED_PRESETS, preset
-from design.shape.cavity import Plan, cavity_of, facet, plan_of, workspace_of
-from design.shape.outline import Arc
-from design.spec import Crown, SensorDesign
+from optopad.design.mold.filling import filling_holes
+from optopad.design.mold.outline import outline_of
+from optopad.design.preset import SHAPED_PRESETS, preset
+from optopad.design.shape.cavity import Plan, cavity_of, facet, plan_of, workspace_of
+from optopad.design.shape.outline import Arc
+from optopad.design.spec import Crown, SensorDesign
 
 DISC, CROWNED, DOME, _ = (preset(name) for name in SHAPED_PRESETS)
 WHOLE = Arc(centre_mm=(11.0, 11.0), radius_mm=11.0, start_rad=0.0, turn_rad=2.0 * math.pi)

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from design.shape.cavity import facet
-from design.shape.outline import Arc, Outline, disc, rectangle, stadium
-from design.shape.top import Top
+from optopad.design.shape.cavity import facet
+from optopad.design.shape.outline import Arc, Outline, disc, rectangle, stadium
+from optopad.design.shape.top import Top
 
 RADIUS = 11.0
 WHOLE = Arc(centre_mm=(RADIUS, RADIUS), radius_mm=RADIUS, start_rad=0.0, turn_rad=2.0 * math.pi)

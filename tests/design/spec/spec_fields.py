@@ -14,8 +14,8 @@ import annotated_types as at
 from hypothesis import strategies as st
 from pydantic import BaseModel
 
-from design.spec import SensorDesign
-from design.spec.layout import AlternatingRing, AtAngles, DiscRing, FacingRows, PerSide, Ring, Single
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.layout import AlternatingRing, AtAngles, DiscRing, FacingRows, PerSide, Ring, Single
 from tests.design.bad_designs import design_text
 
 PATTERNS: dict[type[BaseModel], dict[str, Any]] = {

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
-from design.errors import DesignError
-from design.shape.cavity import (
+from optopad.design.errors import DesignError
+from optopad.design.shape.cavity import (
     cavity_of,
     chord_midpoint_mm,
     direct_path_pairs,
@@ -21,8 +21,8 @@ from design.shape.cavity import (
     mask_of,
     workspace_of,
 )
-from design.spec.layout import OPPOSITE, Pattern, Placement, expand
-from design.spec.pad import WALLS, Cavity
+from optopad.design.spec.layout import OPPOSITE, Pattern, Placement, expand
+from optopad.design.spec.pad import WALLS, Cavity
 from tests.design.spec.spec_fields import good, with_layout
 
 PATTERN: TypeAdapter[Any] = TypeAdapter(Pattern)

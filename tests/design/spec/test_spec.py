@@ -11,10 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from design.errors import DesignError
-from design.fields.base import leaves, set_at
-from design.io import dump_design
-from design.spec import SensorDesign
+from optopad.design.errors import DesignError
+from optopad.design.fields.base import leaves, set_at
+from optopad.design.io import dump_design
+from optopad.design.spec import SensorDesign
 from tests.design.bad_designs import design_text
 from tests.design.for_each import for_each
 from tests.design.spec.spec_fields import (

@@ -2,12 +2,12 @@
 
 import pytest
 
-from design.errors import DesignError
-from design.fields.base import get_at
-from design.io import dump_design, load_design
-from design.preset import PRESETS, preset
-from design.rules.check import check
-from design.spec.tolerances import build_tolerances
+from optopad.design.errors import DesignError
+from optopad.design.fields.base import get_at
+from optopad.design.io import dump_design, load_design
+from optopad.design.preset import PRESETS, preset
+from optopad.design.rules.check import check
+from optopad.design.spec.tolerances import build_tolerances
 
 PAIR = preset("piacenza2017-pair")
 

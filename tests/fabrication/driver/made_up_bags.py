@@ -18,12 +18,12 @@ from mcap.records import Channel, Chunk, DataEnd, Footer, Header, Message, Schem
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 from mcap_ros2._dynamic import serialize_dynamic
 
-from fabrication.driver.link.frames import FrameDecoder
-from fabrication.driver.link.protocol import frame_format, pack_frames
-from fabrication.driver.recording import mcap_file
-from fabrication.driver.recording.mcap_file import FRAME, PRESS, SENSOR, nanoseconds
-from fabrication.driver.recording.messages import _frame_layout
-from fabrication.ros2.messages import definition
+from optopad.fabrication.driver.link.frames import FrameDecoder
+from optopad.fabrication.driver.link.protocol import frame_format, pack_frames
+from optopad.fabrication.driver.recording import mcap_file
+from optopad.fabrication.driver.recording.mcap_file import FRAME, PRESS, SENSOR, nanoseconds
+from optopad.fabrication.driver.recording.messages import _frame_layout
+from optopad.fabrication.ros2.messages import definition
 from tests.fabrication.driver.made_up_pad import pad_config, press_table
 
 CONFIG = pad_config()

@@ -8,13 +8,13 @@ from functools import cache
 
 import numpy as np
 
-from design.preset import preset
-from fabrication.driver.link.frames import Frame
-from fabrication.driver.simulated.board import FakeBoard
-from fabrication.driver.simulated.finger import NO_FINGER, Finger
-from fabrication.driver.simulated.press_table import PressTable
-from fabrication.driver_config import dump_driver_config
-from fabrication.driver_file import DriverConfig, config_from_document
+from optopad.design.preset import preset
+from optopad.fabrication.driver.link.frames import Frame
+from optopad.fabrication.driver.simulated.board import FakeBoard
+from optopad.fabrication.driver.simulated.finger import NO_FINGER, Finger
+from optopad.fabrication.driver.simulated.press_table import PressTable
+from optopad.fabrication.driver_config import dump_driver_config
+from optopad.fabrication.driver_file import DriverConfig, config_from_document
 
 NAME = "piacenza2017-pad"
 FULL_SCALE = 1023

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fabrication.driver.link.protocol import frame_format, pack_frames
-from fabrication.driver.recording.recorder import Recorder
+from optopad.fabrication.driver.link.protocol import frame_format, pack_frames
+from optopad.fabrication.driver.recording.recorder import Recorder
 from tests.fabrication.driver.made_up_pad import pad_config, press_table
 
 BEGUN_S = 1_780_000_000.0

@@ -17,16 +17,16 @@ import numpy as np
 import pytest
 import serial
 
-from design.errors import DeviceError, InputError
-from fabrication.driver import Sensor
-from fabrication.driver.link import link
-from fabrication.driver.link.ports import FoundPort, Port, find_port, is_guess, port_of_serial
-from fabrication.driver.link.printers import printer_words, require_no_printer
-from fabrication.driver.link.protocol import FrameFormat, Hello, pack_frames, pack_hello
-from fabrication.driver.recording.export import read_recorded
-from fabrication.driver.simulated.board import FakeBoard
-from fabrication.driver.simulated.port import FakePort, PtyWire
-from fabrication.driver.simulated.press_table import untouched_table
+from optopad.design.errors import DeviceError, InputError
+from optopad.fabrication.driver import Sensor
+from optopad.fabrication.driver.link import link
+from optopad.fabrication.driver.link.ports import FoundPort, Port, find_port, is_guess, port_of_serial
+from optopad.fabrication.driver.link.printers import printer_words, require_no_printer
+from optopad.fabrication.driver.link.protocol import FrameFormat, Hello, pack_frames, pack_hello
+from optopad.fabrication.driver.recording.export import read_recorded
+from optopad.fabrication.driver.simulated.board import FakeBoard
+from optopad.fabrication.driver.simulated.port import FakePort, PtyWire
+from optopad.fabrication.driver.simulated.press_table import untouched_table
 from optopad.sensor.driver_view import link_line
 from tests.fabrication.driver.made_up_pad import board, pad_config
 from tests.fabrication.driver.other_devices import PRINTERS, Talker, printer_of
@@ -56,7 +56,7 @@ HELLO = pack_hello(
 @pytest.fixture(autouse=True)
 def _short_answer(monkeypatch: pytest.MonkeyPatch) -> None:
     """Boards here answer at once, so that no opening waits for long."""
-    monkeypatch.setattr("fabrication.driver.sensor.ANSWER_S", 0.3)
+    monkeypatch.setattr("optopad.fabrication.driver.sensor.ANSWER_S", 0.3)
 
 
 @contextmanager
@@ -207,7 +207,7 @@ def test_a_doubled_frame_is_dropped_and_counted_as_it_comes_and_in_a_recording(t
 
 
 def test_a_reset_in_mid_stream_starts_a_connection_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
-    from fabrication.driver import stream
+    from optopad.fabrication.driver import stream
 
     monkeypatch.setattr(stream, "LATE_HELLO_S", 0.05)
     simulated = board()
@@ -290,7 +290,7 @@ def test_a_printer_is_known_by_its_words_and_is_told_nothing_by_a_guess(
         time.sleep(0.1)
         made.told.clear()
         found = replace(COPY, name=port.name)
-        monkeypatch.setattr("fabrication.driver.link.ports.ports_here", lambda: [found])
+        monkeypatch.setattr("optopad.fabrication.driver.link.ports.ports_here", lambda: [found])
         said: list[str] = []
         with pytest.raises(DeviceError, match=r"printer|serial chip"):
             Sensor(CONFIG, patience_s=0.6, on_wait=said.append).__enter__()
@@ -299,7 +299,7 @@ def test_a_printer_is_known_by_its_words_and_is_told_nothing_by_a_guess(
 
 
 def test_a_port_where_no_printer_answers_may_be_written_to(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("fabrication.driver.link.printers.ANSWER_S", 0.1)
+    monkeypatch.setattr("optopad.fabrication.driver.link.printers.ANSWER_S", 0.1)
     silent = Talker(b"", lambda piece: b"")
     for device in (
         board(),
@@ -326,7 +326,7 @@ def test_a_sensor_of_a_guessed_port_is_looked_for_there_again_and_not_at_its_lik
     sensor_at, printer = tmp_path / "pad", printer_of("Marlin 2")
     with FakePort(printer) as printer_port:
         here = [replace(COPY, name=str(sensor_at))]
-        monkeypatch.setattr("fabrication.driver.link.ports.ports_here", lambda: here)
+        monkeypatch.setattr("optopad.fabrication.driver.link.ports.ports_here", lambda: here)
         with FakePort(board(), PtyWire(sensor_at)) as port:
             sensor = Sensor(CONFIG, baseline_s=0, rate_hz=100, patience_s=1.0)
             sensor.__enter__()
@@ -372,6 +372,6 @@ def test_a_port_is_found_by_the_serial_number_of_its_device(monkeypatch: pytest.
         port_of_serial("serial:", here)
     with FakePort(board()) as port:
         found = replace(MEGA, name=port.name, serial_number="42")
-        monkeypatch.setattr("fabrication.driver.link.ports.ports_here", lambda: [found])
+        monkeypatch.setattr("optopad.fabrication.driver.link.ports.ports_here", lambda: [found])
         with Sensor(CONFIG, "serial:42") as sensor:
             assert sensor.port == port.name

@@ -15,16 +15,16 @@ import pytest
 import zstandard
 from mcap.writer import CompressionType
 
-from design.errors import InputError
-from fabrication.driver.recording.export import read_recorded
-from fabrication.driver.recording.joined_log import joined
-from fabrication.driver.recording.mcap_file import FRAME, PRESS, SENSOR, write_mcap
-from fabrication.driver.recording.position_log import read_position_log
-from fabrication.driver.recording.recorded import Recorded
-from fabrication.driver.recording.recorder import Recorder
 from optopad.cli import main
+from optopad.design.errors import InputError
+from optopad.fabrication.driver.recording.export import read_recorded
+from optopad.fabrication.driver.recording.joined_log import joined
+from optopad.fabrication.driver.recording.mcap_file import FRAME, PRESS, SENSOR, write_mcap
+from optopad.fabrication.driver.recording.position_log import read_position_log
+from optopad.fabrication.driver.recording.recorded import Recorded
+from optopad.fabrication.driver.recording.recorder import Recorder
+from optopad.sims.readings.dataset import read_data
 from optopad.work import as_netcdf
-from sims.readings.dataset import read_data
 from tests.fabrication.driver import made_up_bags as bags
 from tests.fabrication.driver.made_up_bags import (
     TOPICS,
@@ -554,8 +554,8 @@ PEAK = """
 import resource, sys
 from pathlib import Path
 import lz4.frame, mcap_ros2.decoder, zstandard
-from fabrication.driver.recording.export import read_recorded
-from fabrication.driver.recording.lerobot import write_lerobot
+from optopad.fabrication.driver.recording.export import read_recorded
+from optopad.fabrication.driver.recording.lerobot import write_lerobot
 def peak_mb(): return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1e6 if sys.platform == "darwin" else 1e3)
 before = peak_mb()
 found = read_recorded(Path(sys.argv[1]))

@@ -7,13 +7,13 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from design.errors import InputError
-from fabrication.driver import Frame, Sensor
-from fabrication.driver.check import Verdict, check_frames
-from fabrication.driver.descriptor import descriptor_of
-from fabrication.driver.link.protocol import SelfTest
-from fabrication.driver.simulated.faults import faults_of
-from fabrication.driver.simulated.port import FakePort
+from optopad.design.errors import InputError
+from optopad.fabrication.driver import Frame, Sensor
+from optopad.fabrication.driver.check import Verdict, check_frames
+from optopad.fabrication.driver.descriptor import descriptor_of
+from optopad.fabrication.driver.link.protocol import SelfTest
+from optopad.fabrication.driver.simulated.faults import faults_of
+from optopad.fabrication.driver.simulated.port import FakePort
 from tests.fabrication.driver.made_up_pad import board, frame, pad_config, untouched
 
 CONFIG = pad_config()

@@ -10,12 +10,12 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from design.preset import FLAT_PRESETS, preset
-from fabrication.driver.check import Verdict, check_frames
-from fabrication.driver.descriptor import Descriptor, descriptor_of
-from fabrication.driver.simulated.faults import faults_of
-from fabrication.driver_config import dump_driver_config
-from fabrication.driver_file import DriverConfig, config_from_document
+from optopad.design.preset import FLAT_PRESETS, preset
+from optopad.fabrication.driver.check import Verdict, check_frames
+from optopad.fabrication.driver.descriptor import Descriptor, descriptor_of
+from optopad.fabrication.driver.simulated.faults import faults_of
+from optopad.fabrication.driver_config import dump_driver_config
+from optopad.fabrication.driver_file import DriverConfig, config_from_document
 from optopad.sensor.driver_view import simulated_gain
 from tests.fabrication.driver.made_up_pad import frame
 

@@ -11,8 +11,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from design.errors import InputError
-from fabrication.driver.drift import DriftState, DriftTracker
+from optopad.design.errors import InputError
+from optopad.fabrication.driver.drift import DriftState, DriftTracker
 from tests.fabrication.driver.made_up_pad import press_table
 
 RATE_HZ = 12.0

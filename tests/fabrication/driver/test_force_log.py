@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from design.errors import InputError
-from fabrication.driver.recording.force_log import ForceLog, read_force_log
-from fabrication.driver.recording.position_log import read_position_log
+from optopad.design.errors import InputError
+from optopad.fabrication.driver.recording.force_log import ForceLog, read_force_log
+from optopad.fabrication.driver.recording.position_log import read_position_log
 from tests.said import pattern
 
 BEGINS_S = np.array([2.0, 7.5, 14.0, 19.0, 25.5, 31.0, 38.0, 43.0])

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fabrication.driver.drift import GAIN_SHARE, HELD_EXCESS, SHORT_S
-from fabrication.driver.gain_pattern import GainPattern, relative_change
+from optopad.fabrication.driver.drift import GAIN_SHARE, HELD_EXCESS, SHORT_S
+from optopad.fabrication.driver.gain_pattern import GainPattern, relative_change
 from optopad.sensor.driver_view import driver_source, press_table
 
 LEVELS = np.random.default_rng(2).uniform(50, 800, (8, 8))

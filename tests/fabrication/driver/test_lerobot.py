@@ -14,9 +14,10 @@ import pandas as pd
 import pytest
 
 import optopad
-from design.errors import InputError, OutputError
-from fabrication.driver.recording.export import read_recorded
-from fabrication.driver.recording.lerobot import (
+from optopad.cli import main
+from optopad.design.errors import InputError, OutputError
+from optopad.fabrication.driver.recording.export import read_recorded
+from optopad.fabrication.driver.recording.lerobot import (
     PRESS,
     SIGNALS,
     Source,
@@ -25,9 +26,8 @@ from fabrication.driver.recording.lerobot import (
     write_episodes,
     write_lerobot,
 )
-from fabrication.driver.recording.press_labels import PressLabels
-from fabrication.driver.simulated.port import FakePort
-from optopad.cli import main
+from optopad.fabrication.driver.recording.press_labels import PressLabels
+from optopad.fabrication.driver.simulated.port import FakePort
 from tests.fabrication.driver.made_up_pad import board, pad_config
 from tests.fabrication.driver.made_up_recording import RATE_HZ, tip_path, write_recording
 
@@ -97,7 +97,7 @@ def test_steps_have_the_mean_the_last_or_all_of_their_frames(recording: Path, tm
 
 
 def test_known_presses_are_an_observation(tmp_path: Path) -> None:
-    from fabrication.driver.recording.recorder import Recorder
+    from optopad.fabrication.driver.recording.recorder import Recorder
     from tests.fabrication.driver.test_mcap_file import BEGUN_S, CONFIG, FRAMES
 
     with Recorder(tmp_path / "a.optorec", CONFIG) as recorder:

@@ -12,19 +12,19 @@ import pytest
 from mcap_ros2.writer import Writer
 
 import optopad
-from design.errors import InputError, OutputError
-from fabrication.driver.link.frames import Frame
-from fabrication.driver.link.protocol import frame_format, pack_frames
-from fabrication.driver.recording import mcap_file
-from fabrication.driver.recording.bag import read_mcap
-from fabrication.driver.recording.export import read_recorded
-from fabrication.driver.recording.mcap_file import nanoseconds, seconds
-from fabrication.driver.recording.recorder import Recorder
-from fabrication.driver.simulated.port import FakePort
-from fabrication.ros2.messages import COMMON, definition, names
 from optopad.cli import main
+from optopad.design.errors import InputError, OutputError
+from optopad.fabrication.driver.link.frames import Frame
+from optopad.fabrication.driver.link.protocol import frame_format, pack_frames
+from optopad.fabrication.driver.recording import mcap_file
+from optopad.fabrication.driver.recording.bag import read_mcap
+from optopad.fabrication.driver.recording.export import read_recorded
+from optopad.fabrication.driver.recording.mcap_file import nanoseconds, seconds
+from optopad.fabrication.driver.recording.recorder import Recorder
+from optopad.fabrication.driver.simulated.port import FakePort
+from optopad.fabrication.ros2.messages import COMMON, definition, names
+from optopad.sims.readings.recording import read_recording
 from optopad.work import as_netcdf
-from sims.readings.recording import read_recording
 from tests.fabrication.driver.made_up_pad import board, pad_config
 
 CONFIG = pad_config()
@@ -242,7 +242,7 @@ def test_other_files_are_refused_with_a_way_out(tmp_path: Path, both: tuple[Path
 
 
 def test_two_sensors_in_one_bag_are_told_apart_by_topic(tmp_path: Path) -> None:
-    from fabrication.driver.link.frames import FrameDecoder
+    from optopad.fabrication.driver.link.frames import FrameDecoder
 
     (frame,) = FrameDecoder(frame_format(CONFIG)).decoded(FRAMES[:1], BEGUN_S)
     sensor = mcap_file.sensor_message(CONFIG, BEGUN_S)

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 import optopad
-from design.errors import DeviceError
-from fabrication.driver.observations import AGE, Observations
-from fabrication.driver.recording.lerobot import SIGNALS
-from fabrication.driver.simulated.port import FakePort, PtyWire
+from optopad.design.errors import DeviceError
+from optopad.fabrication.driver.observations import AGE, Observations
+from optopad.fabrication.driver.recording.lerobot import SIGNALS
+from optopad.fabrication.driver.simulated.port import FakePort, PtyWire
 from tests.fabrication.driver.made_up_pad import board, frame, pad_config
 
 FPS = 20

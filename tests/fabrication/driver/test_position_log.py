@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from design.errors import InputError
-from fabrication.driver import Sensor
-from fabrication.driver.recording.export import read_recorded
-from fabrication.driver.recording.joined_log import joined
-from fabrication.driver.recording.position_log import read_position_log
-from fabrication.driver.simulated.finger import demo_path
-from fabrication.driver.simulated.port import FakePort
 from optopad.cli import main
-from sims.readings.dataset import read_data
+from optopad.design.errors import InputError
+from optopad.fabrication.driver import Sensor
+from optopad.fabrication.driver.recording.export import read_recorded
+from optopad.fabrication.driver.recording.joined_log import joined
+from optopad.fabrication.driver.recording.position_log import read_position_log
+from optopad.fabrication.driver.simulated.finger import demo_path
+from optopad.fabrication.driver.simulated.port import FakePort
+from optopad.sims.readings.dataset import read_data
 from tests.fabrication.driver.made_up_pad import board, pad_config
 from tests.fabrication.driver.made_up_recording import BEGUN_S, tip_path, write_log, write_recording
 from tests.said import pattern

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from design.circuit import pins as timing
-from fabrication.driver.link.protocol import (
+from optopad.design.circuit import pins as timing
+from optopad.fabrication.driver.link.protocol import (
     COMMAND_BYTES,
     Command,
     FrameFormat,

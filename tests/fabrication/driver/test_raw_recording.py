@@ -18,21 +18,21 @@ import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from design.errors import InputError, OutputError
-from design.preset import PRESETS
-from fabrication.driver import Sensor
-from fabrication.driver.link.protocol import FrameFormat, pack_frames
-from fabrication.driver.recording import export, mcap_file, raw
-from fabrication.driver.recording import recorder as recorder_module
-from fabrication.driver.recording.export import read_recorded, write_csv, write_netcdf
-from fabrication.driver.recording.press_labels import PressLabels
-from fabrication.driver.recording.raw import PRESS, RecordKind, packed_record, read_records
-from fabrication.driver.recording.recorder import Recorder
-from fabrication.driver.simulated.finger import FingerPath
-from fabrication.driver.simulated.port import FakePort, PtyWire
-from fabrication.driver_file import config_from_document
-from fabrication.record import plain_of
-from sims.readings.recording import read_recording
+from optopad.design.errors import InputError, OutputError
+from optopad.design.preset import PRESETS
+from optopad.fabrication.driver import Sensor
+from optopad.fabrication.driver.link.protocol import FrameFormat, pack_frames
+from optopad.fabrication.driver.recording import export, mcap_file, raw
+from optopad.fabrication.driver.recording import recorder as recorder_module
+from optopad.fabrication.driver.recording.export import read_recorded, write_csv, write_netcdf
+from optopad.fabrication.driver.recording.press_labels import PressLabels
+from optopad.fabrication.driver.recording.raw import PRESS, RecordKind, packed_record, read_records
+from optopad.fabrication.driver.recording.recorder import Recorder
+from optopad.fabrication.driver.simulated.finger import FingerPath
+from optopad.fabrication.driver.simulated.port import FakePort, PtyWire
+from optopad.fabrication.driver_file import config_from_document
+from optopad.fabrication.record import plain_of
+from optopad.sims.readings.recording import read_recording
 from tests.fabrication.driver.made_up_pad import board, pad_config
 
 CONFIG = pad_config()
@@ -302,8 +302,8 @@ KILLED = """
 import os, signal, sys, time
 from pathlib import Path
 import numpy as np
-from fabrication.driver.link.protocol import frame_format, pack_frames
-from fabrication.driver.recording.recorder import Recorder
+from optopad.fabrication.driver.link.protocol import frame_format, pack_frames
+from optopad.fabrication.driver.recording.recorder import Recorder
 from tests.fabrication.driver.made_up_pad import pad_config
 
 CONFIG = pad_config()

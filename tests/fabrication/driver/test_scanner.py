@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fabrication.driver.link.protocol import (
+from optopad.fabrication.driver.link.protocol import (
     MAGIC,
     FrameFormat,
     SelfTest,
@@ -16,7 +16,7 @@ from fabrication.driver.link.protocol import (
     pack_frames,
     pack_self_test,
 )
-from fabrication.driver.link.scanner import Scanner
+from optopad.fabrication.driver.link.scanner import Scanner
 
 PAD = FrameFormat(emitters=8, receivers=8, bits=10)
 LENGTHS = message_lengths(PAD)

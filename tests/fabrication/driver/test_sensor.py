@@ -15,14 +15,14 @@ import numpy as np
 import pytest
 import serial
 
-from design.errors import DeviceError, InputError
-from fabrication.driver import Sensor
-from fabrication.driver.link.link import Link
-from fabrication.driver.link.ports import PortLostError
-from fabrication.driver.recording.export import read_recorded
-from fabrication.driver.simulated.board import FakeBoard
-from fabrication.driver.simulated.finger import FingerPath
-from fabrication.driver.simulated.port import FakePort, PtyWire, SocketWire
+from optopad.design.errors import DeviceError, InputError
+from optopad.fabrication.driver import Sensor
+from optopad.fabrication.driver.link.link import Link
+from optopad.fabrication.driver.link.ports import PortLostError
+from optopad.fabrication.driver.recording.export import read_recorded
+from optopad.fabrication.driver.simulated.board import FakeBoard
+from optopad.fabrication.driver.simulated.finger import FingerPath
+from optopad.fabrication.driver.simulated.port import FakePort, PtyWire, SocketWire
 from tests.fabrication.driver.made_up_pad import board, pad_config, press_table, untouched
 
 ROOT = Path(__file__).parents[3]
@@ -186,7 +186,9 @@ def test_a_board_that_leaves_before_the_time_is_over_is_an_error_and_no_clean_en
 def test_a_silent_board_is_an_error_also_within_a_given_time(monkeypatch: pytest.MonkeyPatch) -> None:
     with FakePort(board()) as port, quick(port.name, patience_s=0.4) as sensor:
         sensor.read()
-        monkeypatch.setattr("fabrication.driver.link.link.Link.messages", lambda link: time.sleep(0.01) or [])
+        monkeypatch.setattr(
+            "optopad.fabrication.driver.link.link.Link.messages", lambda link: time.sleep(0.01) or []
+        )
         with pytest.raises(DeviceError, match="no whole frame"):
             list(sensor.frames(seconds=2.5))
 
@@ -208,8 +210,8 @@ class HungBoard(FakeBoard):
 
 
 def test_the_port_of_a_silent_board_is_opened_again_which_resets_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("fabrication.driver.stream.START_AGAIN_S", 0.05)
-    monkeypatch.setattr("fabrication.driver.stream.OPEN_AGAIN", 1)
+    monkeypatch.setattr("optopad.fabrication.driver.stream.START_AGAIN_S", 0.05)
+    monkeypatch.setattr("optopad.fabrication.driver.stream.OPEN_AGAIN", 1)
     hung = HungBoard(CONFIG, press_table())
     with FakePort(hung) as port, quick(port.name) as sensor:
         sensor.read()
@@ -237,7 +239,7 @@ def test_a_rate_is_0_and_a_timed_reading_fails_while_no_frames_arrive(
 def test_a_board_that_begins_anew_with_another_design_s_firmware_is_refused(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("fabrication.driver.stream.LATE_HELLO_S", 0.0)
+    monkeypatch.setattr("optopad.fabrication.driver.stream.LATE_HELLO_S", 0.0)
     built = board()
     with FakePort(built) as port, quick(port.name, patience_s=0.5) as sensor:
         sensor.read()
@@ -341,7 +343,7 @@ def test_a_slow_rate_is_waited_for_longer_than_the_patience() -> None:
 
 
 def test_a_board_of_another_shape_is_refused_even_by_name() -> None:
-    from fabrication.driver.simulated.press_table import untouched_table
+    from optopad.fabrication.driver.simulated.press_table import untouched_table
 
     other = pad_config("piacenza2017-pair")
     with (
@@ -394,10 +396,10 @@ def test_the_descriptor_tells_geometry_and_units_apart_from_the_stream() -> None
 
 def test_the_driver_loads_nothing_heavy() -> None:
     program = (
-        "import sys; import fabrication.driver, fabrication.driver.check, fabrication.driver.recording.export; "
-        "import fabrication.driver.simulated.port; "
+        "import sys; import optopad.fabrication.driver, optopad.fabrication.driver.check; "
+        "import optopad.fabrication.driver.recording.export, optopad.fabrication.driver.simulated.port; "
         "print([n for n in ('pydantic', 'tomlkit', 'cadquery', 'mujoco', 'numba', 'scipy', 'xarray', 'rich', 'typer', "
-        "'sims', 'cad', 'optopad') if n in sys.modules])"
+        "*('optopad.' + room for room in ('sims', 'cad', 'sensor', 'results', 'work', 'cli'))) if n in sys.modules])"
     )
     done = subprocess.run(
         [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True

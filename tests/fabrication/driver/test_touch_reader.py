@@ -8,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from design.errors import DeviceError, InputError
-from fabrication.driver import Sensor
-from fabrication.driver.simulated.finger import FingerPath
-from fabrication.driver.simulated.port import FakePort
-from fabrication.driver.touch_reader import Touch, TouchReader, require_fits
+from optopad.design.errors import DeviceError, InputError
+from optopad.fabrication.driver import Sensor
+from optopad.fabrication.driver.simulated.finger import FingerPath
+from optopad.fabrication.driver.simulated.port import FakePort
+from optopad.fabrication.driver.touch_reader import Touch, TouchReader, require_fits
 from optopad.sensor.touch_view import picture, touch_json
-from sims.learning.inference.prediction import Prediction
-from sims.learning.inference.touch_model import prediction_of
+from optopad.sims.learning.inference.prediction import Prediction
+from optopad.sims.learning.inference.touch_model import prediction_of
 from tests.fabrication.driver.made_up_model import header, made_up_model
 from tests.fabrication.driver.made_up_pad import board, pad_config
 

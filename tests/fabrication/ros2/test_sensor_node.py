@@ -14,19 +14,19 @@ import numpy as np
 import pytest
 import yaml
 
-from design.errors import OutputError
-from design.preset import preset
-from fabrication.driver.link.ports import FoundPort
-from fabrication.driver.recording.export import read_recorded
-from fabrication.driver.ros_fields import NodeClock, diagnosis, wrench_message
-from fabrication.driver.sensor import Sensor
-from fabrication.driver.simulated.finger import FingerPath
-from fabrication.driver.simulated.port import FakePort
-from fabrication.driver.stream import LinkCounts
-from fabrication.driver.touch_reader import TouchReader
-from fabrication.driver_config import dump_driver_config
-from fabrication.driver_file import load_driver_config
-from sims.learning.inference.model_file import save_model
+from optopad.design.errors import OutputError
+from optopad.design.preset import preset
+from optopad.fabrication.driver.link.ports import FoundPort
+from optopad.fabrication.driver.recording.export import read_recorded
+from optopad.fabrication.driver.ros_fields import NodeClock, diagnosis, wrench_message
+from optopad.fabrication.driver.sensor import Sensor
+from optopad.fabrication.driver.simulated.finger import FingerPath
+from optopad.fabrication.driver.simulated.port import FakePort
+from optopad.fabrication.driver.stream import LinkCounts
+from optopad.fabrication.driver.touch_reader import TouchReader
+from optopad.fabrication.driver_config import dump_driver_config
+from optopad.fabrication.driver_file import load_driver_config
+from optopad.sims.learning.inference.model_file import save_model
 from tests.fabrication.driver.made_up_model import made_up_model
 from tests.fabrication.driver.made_up_pad import NAME, board, frame, pad_config, untouched
 from tests.fabrication.ros2.stand_in import (
@@ -254,7 +254,7 @@ def test_a_board_that_was_unplugged_is_read_again_at_another_port_and_a_held_pre
 ) -> None:
     monkeypatch.setattr(LifecycleNode, "namespace", "/left")
     here = []
-    monkeypatch.setattr("fabrication.driver.link.ports.ports_here", lambda: here)
+    monkeypatch.setattr("optopad.fabrication.driver.link.ports.ports_here", lambda: here)
     node = made(config=str(files[0]), model=str(files[1]), port="serial:42", rate=200, patience=0.2)
     assert node.on_configure(None) == "SUCCESS"
     node.on_activate(None)

@@ -11,9 +11,9 @@ from xml.etree import ElementTree
 
 import pytest
 
-from fabrication.ros2 import __main__ as driver_alone
-from fabrication.ros2.messages import definition, names
 from optopad.cli import main
+from optopad.fabrication.ros2 import __main__ as driver_alone
+from optopad.fabrication.ros2.messages import definition, names
 
 ROOT = Path(__file__).parents[3]
 
@@ -62,7 +62,7 @@ def test_every_import_of_the_node_is_a_dependency(src: Path) -> None:
                 used |= {one.name.split(".")[0] for one in node.names}
             elif isinstance(node, ast.ImportFrom):
                 used.add(str(node.module).split(".")[0])
-    outside = {"design", "fabrication", "optopad", "setuptools"} | set(sys.stdlib_module_names)
+    outside = {"optopad", "setuptools"} | set(sys.stdlib_module_names)
     assert used - outside == declared
 
 

@@ -7,5 +7,5 @@ import pytest
 
 @pytest.fixture(autouse=True)
 def quick_greeting(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("fabrication.stage.fake_printer.BOOT_S", 0.02)
-    monkeypatch.setattr("fabrication.stage.gcode_stage.QUIET_S", 0.05)
+    monkeypatch.setattr("optopad.fabrication.stage.fake_printer.BOOT_S", 0.02)
+    monkeypatch.setattr("optopad.fabrication.stage.gcode_stage.QUIET_S", 0.05)

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-from fabrication.driver import Sensor
-from fabrication.driver.simulated.port import FakePort, PtyWire
-from fabrication.stage.fake_printer import FakePrinter, TipFinger
-from fabrication.stage.gcode_stage import GcodeStage
-from fabrication.stage.stage import limits_of
+from optopad.fabrication.driver import Sensor
+from optopad.fabrication.driver.simulated.port import FakePort, PtyWire
+from optopad.fabrication.stage.fake_printer import FakePrinter, TipFinger
+from optopad.fabrication.stage.gcode_stage import GcodeStage
+from optopad.fabrication.stage.stage import limits_of
 from tests.fabrication.driver.made_up_pad import board, pad_config
 
 CONFIG = replace(pad_config(), board=replace(pad_config().board, boot_s=0.2))

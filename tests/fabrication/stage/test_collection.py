@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from design.errors import DeviceError, InputError
-from design.recordings import SetEntry
-from fabrication.driver.link.frames import FrameDecoder
-from fabrication.driver.link.protocol import frame_format
-from fabrication.stage.collection import CollectedParts, Collector
-from fabrication.stage.stage import PressList, press_list, read_press_list
-from fabrication.stage.tip_path import NOWHERE, joined_path, leg
-from sims.readings.dataset import read_data
+from optopad.design.errors import DeviceError, InputError
+from optopad.design.recordings import SetEntry
+from optopad.fabrication.driver.link.frames import FrameDecoder
+from optopad.fabrication.driver.link.protocol import frame_format
+from optopad.fabrication.stage.collection import CollectedParts, Collector
+from optopad.fabrication.stage.stage import PressList, press_list, read_press_list
+from optopad.fabrication.stage.tip_path import NOWHERE, joined_path, leg
+from optopad.sims.readings.dataset import read_data
 from tests.fabrication.driver.made_up_pad import press_table
 from tests.fabrication.driver.test_mcap_file import BEGUN_S, CONFIG, FRAMES
 from tests.fabrication.stage.made_up_bench import MIDDLE, bench

@@ -9,10 +9,10 @@ import time
 import numpy as np
 import pytest
 
-from design.errors import DeviceError, InputError
-from fabrication.driver.link.ports import Port
-from fabrication.driver.simulated.port import FakePort
-from fabrication.stage.gcode_stage import TRAVEL_MM, GcodeLine, GcodeStage, feed_word, place_of
+from optopad.design.errors import DeviceError, InputError
+from optopad.fabrication.driver.link.ports import Port
+from optopad.fabrication.driver.simulated.port import FakePort
+from optopad.fabrication.stage.gcode_stage import TRAVEL_MM, GcodeLine, GcodeStage, feed_word, place_of
 from tests.fabrication.driver.made_up_pad import board
 from tests.fabrication.stage.made_up_bench import LIMITS, MIDDLE, Bench, bench
 
@@ -374,7 +374,7 @@ def test_a_height_or_speed_that_is_none_is_refused(name: str) -> None:
 def test_a_long_move_is_waited_for_as_long_as_the_printer_says_that_it_is_busy(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("fabrication.stage.fake_printer.BUSY_EVERY_S", 0.1)
+    monkeypatch.setattr("optopad.fabrication.stage.fake_printer.BUSY_EVERY_S", 0.1)
     with bench() as made, made.stage(answer_s=0.3) as stage:
         stage.zero(*MIDDLE)
         made.printer.speed_mm_s = 1.0

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from design.errors import InputError
-from design.files import require_suffix
-from fabrication.driver.simulated.port import PtyWire
 from optopad.cli.commands import whole_command
 from optopad.cli.main import BAD_INPUT, main
 from optopad.cli.options import require_folder
+from optopad.design.errors import InputError
+from optopad.design.files import require_suffix
+from optopad.fabrication.driver.simulated.port import PtyWire
 from tests.design.bad_designs import BAD_DESIGNS, FILE_NAME, BadDesign, design_text, put
 from tests.design.test_bad_input import JARGON
 from tests.optopad.cli.test_cli_driver import leaves

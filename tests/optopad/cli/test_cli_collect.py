@@ -13,13 +13,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from design.preset import preset
-from design.press_protocol import load_protocol_file
-from fabrication.driver_config import dump_driver_config
-from fabrication.stage.stage import limits_of
 from optopad.cli import main
+from optopad.design.preset import preset
+from optopad.design.press_protocol import load_protocol_file
+from optopad.fabrication.driver_config import dump_driver_config
+from optopad.fabrication.stage.stage import limits_of
 from optopad.sensor.stage_protocol import protocol_presses
-from sims.readings.dataset import read_data
+from optopad.sims.readings.dataset import read_data
 from tests.fabrication.driver.made_up_pad import pad_config, untouched
 from tests.fabrication.stage.made_up_bench import bench
 from tests.said import says
@@ -123,7 +123,7 @@ def test_a_full_disk_ends_it_with_the_place_of_the_tip(
     def full(*_given: object, **_named: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("fabrication.stage.collection.np.savez", full)
+    monkeypatch.setattr("optopad.fabrication.stage.collection.np.savez", full)
     with bench(has_board=True) as made:
         assert made.board_port is not None
         command = ["driver", "collect", "driver.toml", "--stage-port", made.stage_port.name, "--out", "a.nc"]

@@ -20,18 +20,18 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from design.errors import InputError
-from design.preset import preset
-from fabrication.driver import Sensor
-from fabrication.driver.link.ports import FoundPort
-from fabrication.driver.recording.export import read_recorded
-from fabrication.driver.simulated.faults import faults_of
-from fabrication.driver.simulated.port import FakePort
-from fabrication.driver_config import dump_driver_config
 from optopad.cli import main
 from optopad.cli.commands import whole_command
+from optopad.design.errors import InputError
+from optopad.design.preset import preset
+from optopad.fabrication.driver import Sensor
+from optopad.fabrication.driver.link.ports import FoundPort
+from optopad.fabrication.driver.recording.export import read_recorded
+from optopad.fabrication.driver.simulated.faults import faults_of
+from optopad.fabrication.driver.simulated.port import FakePort
+from optopad.fabrication.driver_config import dump_driver_config
 from optopad.sensor.driver_view import live_table
-from sims.readings.recording import read_recording
+from optopad.sims.readings.recording import read_recording
 from tests.fabrication.driver.made_up_pad import board, pad_config, untouched
 from tests.fabrication.driver.other_devices import printer_of
 
@@ -157,14 +157,14 @@ def test_a_guessed_port_is_told_waited_for_and_sent_nothing(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("fabrication.driver.link.link.SAY_EVERY_S", 0.2)
-    monkeypatch.setattr("fabrication.driver.sensor.ANSWER_S", -2.0)  # less the boot time of 2.5 s
+    monkeypatch.setattr("optopad.fabrication.driver.link.link.SAY_EVERY_S", 0.2)
+    monkeypatch.setattr("optopad.fabrication.driver.sensor.ANSWER_S", -2.0)  # less the boot time of 2.5 s
     (tmp_path / "presses.csv").write_text("x_mm,y_mm,depth_mm\n16,16,1\n")
     printer = printer_of("Marlin 2")
     command = ["driver", verb, config, *OPENING[verb], "--patience", "0.5"]
     with FakePort(printer) as made:
         found = FoundPort(name=made.name, usb_id="1a86:7523", title="USB Serial")
-        monkeypatch.setattr("fabrication.driver.link.ports.ports_here", lambda: [found])
+        monkeypatch.setattr("optopad.fabrication.driver.link.ports.ports_here", lambda: [found])
         assert main(command) == 2
         told = capsys.readouterr().err
         for words in (

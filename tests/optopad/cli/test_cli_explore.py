@@ -12,11 +12,11 @@ from pathlib import Path
 
 import pytest
 
-from design.io import load_design
-from design.rules.check import check
-from design.search.improve import Judged
-from design.search.space import SPACES, load_space
 from optopad.cli import main
+from optopad.design.io import load_design
+from optopad.design.rules.check import check
+from optopad.design.search.improve import Judged
+from optopad.design.search.space import SPACES, load_space
 from optopad.jobs.exploration import figures_wanted
 
 SPACE = """
@@ -67,7 +67,7 @@ def bowl(design, limits, *, wanted, accuracy, also_mm):
 
 @pytest.fixture
 def space(tmp_path, monkeypatch):
-    monkeypatch.setattr("sims.score.objective.judge", bowl)
+    monkeypatch.setattr("optopad.sims.score.objective.judge", bowl)
     file = tmp_path / "space.toml"
     file.write_text(SPACE)
     return file
@@ -84,7 +84,7 @@ def whole(tmp_path_factory) -> dict:
     folder = tmp_path_factory.mktemp("whole")
     (folder / "space.toml").write_text(SPACE.replace(NAMED, f"{NAMED}\n{ATTACK}"))
     with pytest.MonkeyPatch.context() as patch, redirect_stdout(StringIO()) as said:
-        patch.setattr("sims.score.objective.judge", bowl)
+        patch.setattr("optopad.sims.score.objective.judge", bowl)
         assert main(["explore", str(folder / "space.toml"), "--out", str(folder / "out"), "--json"]) == 0
     return json.loads(said.getvalue())
 
@@ -140,7 +140,7 @@ def test_every_row_shows_the_usable_depth_and_the_score_words_of_its_verdict(
         }
         return Judged(figures=figures | {"margin": 3.1 if near else 9.0}, verdict="CONTIGUOUS")
 
-    monkeypatch.setattr("sims.score.objective.judge", judged)
+    monkeypatch.setattr("optopad.sims.score.objective.judge", judged)
     assert main(["explore", str(space), "--out", str(tmp_path / "out"), "--trials", "1"]) == 0
     assert asked[0][-1] == "usable_depth_mm"
     told = capsys.readouterr().out
@@ -184,7 +184,7 @@ def test_an_interrupt_leaves_tables_and_a_page_and_says_so(space, tmp_path, caps
             raise KeyboardInterrupt
         return bowl(*given, **named)
 
-    monkeypatch.setattr("sims.score.objective.judge", interrupts)
+    monkeypatch.setattr("optopad.sims.score.objective.judge", interrupts)
     assert main(["explore", str(space), "--out", str(tmp_path / "out"), "--json"]) == 130
     told = capsys.readouterr()
     found = json.loads(told.out)

@@ -12,12 +12,12 @@ from pathlib import Path
 
 import pytest
 
-from design.preset import preset
-from fabrication import flash as image
-from fabrication.bundle import bundle_name
-from fabrication.driver.link.ports import FoundPort
-from fabrication.driver.simulated.port import FakePort
 from optopad.cli import main
+from optopad.design.preset import preset
+from optopad.fabrication import flash as image
+from optopad.fabrication.bundle import bundle_name
+from optopad.fabrication.driver.link.ports import FoundPort
+from optopad.fabrication.driver.simulated.port import FakePort
 from optopad.sensor.firmware import board_setup
 from tests.fabrication.driver.made_up_pad import board
 from tests.fabrication.driver.other_devices import printer_of
@@ -70,7 +70,7 @@ def avrdude(tmp_path, monkeypatch):
 def copies_here(monkeypatch, name: str, chip: str = "1a86:7523") -> None:
     """The system lists one port, whose serial chip any device may have."""
     found = FoundPort(name=name, usb_id=chip, title="USB Serial")
-    monkeypatch.setattr("fabrication.driver.link.ports.ports_here", lambda: [found])
+    monkeypatch.setattr("optopad.fabrication.driver.link.ports.ports_here", lambda: [found])
 
 
 def refused(capsys, *arguments: str) -> str:
@@ -185,7 +185,7 @@ def test_without_a_port_the_board_is_looked_for_by_its_usb_identity(
     monkeypatch, avrdude, board_image, capsys
 ):
     avrdude()
-    monkeypatch.setattr("fabrication.driver.link.ports.ports_here", list)
+    monkeypatch.setattr("optopad.fabrication.driver.link.ports.ports_here", list)
     message = refused(capsys, "flash", DESIGN, "--image", str(board_image))
     assert "no Arduino Mega 2560 found by its USB identity" in message
 
@@ -279,7 +279,7 @@ def drives(tmp_path, monkeypatch):
             if board_id:
                 text = f"UF2 Bootloader v3.0\nModel: Raspberry Pi RP2\nBoard-ID: {board_id}\n"
                 (drive / "INFO_UF2.TXT").write_text(text, encoding="ascii")
-        monkeypatch.setattr("fabrication.flash.mounted_drives", lambda: found)
+        monkeypatch.setattr("optopad.fabrication.flash.mounted_drives", lambda: found)
         return found
 
     return mounted
@@ -331,7 +331,7 @@ def test_no_drive_or_two_of_them_are_told_apart(boards, words, drives, tmp_path,
 
 
 def test_only_drives_of_the_boot_drives_file_system_are_looked_at(tmp_path):
-    from fabrication.flash import mounted_drives
+    from optopad.fabrication.flash import mounted_drives
 
     mounts = tmp_path / "mounts"
     mounts.write_text(

@@ -7,11 +7,11 @@ import tomllib
 
 import pytest
 
-from design.io import load_design
-from design.parts.catalog import CatalogEntries, packaged
-from design.parts.listing import kinds_of
-from design.parts.packages import packages
 from optopad.cli import main, parts
+from optopad.design.io import load_design
+from optopad.design.parts.catalog import CatalogEntries, packaged
+from optopad.design.parts.listing import kinds_of
+from optopad.design.parts.packages import packages
 from tests.said import says
 
 LED = {

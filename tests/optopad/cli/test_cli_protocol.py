@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from design.preset import preset
-from design.press_protocol import load_protocol_file
 from optopad.cli import main
-from sims.readings import protocol as simulated
-from sims.readings.dataset import read_data, require_design
-from sims.readings.press_data import PressCurves
+from optopad.design.preset import preset
+from optopad.design.press_protocol import load_protocol_file
+from optopad.sims.readings import protocol as simulated
+from optopad.sims.readings.dataset import read_data, require_design
+from optopad.sims.readings.press_data import PressCurves
 from tests.said import says
 
 SMALL = """
@@ -104,7 +104,7 @@ def test_a_run_stopped_before_the_bundle_is_in_its_place_loses_no_press(
 
     command = ["simulate", "piacenza2017-pad", "--protocol", "small.toml", "--json"]
     with monkeypatch.context() as patch:
-        patch.setattr("fabrication.bundle._swap", stopped)
+        patch.setattr("optopad.fabrication.bundle._swap", stopped)
         assert main(command) == 130
     capsys.readouterr()
     assert main(command) == 0

@@ -9,9 +9,9 @@ from xml.etree import ElementTree
 import pytest
 from matplotlib.figure import Figure
 
-from design.preset import preset
-from fabrication.bundle import altered_files, bundle_name
 from optopad.cli import main
+from optopad.design.preset import preset
+from optopad.fabrication.bundle import altered_files, bundle_name
 from optopad.jobs import ray_view
 from tests.said import says
 

@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from design.preset import preset
-from fabrication.driver.simulated.finger import FingerPath
-from fabrication.driver.simulated.port import FakePort
-from fabrication.driver_config import dump_driver_config
 from optopad.cli import main
-from sims.learning.inference.model_file import save_model
+from optopad.design.preset import preset
+from optopad.fabrication.driver.simulated.finger import FingerPath
+from optopad.fabrication.driver.simulated.port import FakePort
+from optopad.fabrication.driver_config import dump_driver_config
+from optopad.sims.learning.inference.model_file import save_model
 from tests.fabrication.driver.made_up_model import header, made_up_model
 from tests.fabrication.driver.made_up_pad import board, untouched
 

@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from design.preset import preset
 from optopad.cli import main
+from optopad.design.preset import preset
 from optopad.jobs import calibration
-from sims.contact import indent
-from sims.learning.inference.model_file import load_model
-from sims.learning.learners import LEARNERS
-from sims.readings.dataset import save_data
+from optopad.sims.contact import indent
+from optopad.sims.learning.inference.model_file import load_model
+from optopad.sims.learning.learners import LEARNERS
+from optopad.sims.readings.dataset import save_data
 from tests.said import says
 from tests.sims.learning.pressed_pad import grid_mm, made_up_data
 

@@ -4,10 +4,10 @@ import json
 
 import pytest
 
-from design.io import load_design
-from design.preset import PRESETS, preset
 from optopad.cli import main
 from optopad.cli.physics import parsed_sweep
+from optopad.design.io import load_design
+from optopad.design.preset import PRESETS, preset
 from optopad.work import parsed_change, parsed_value
 
 

@@ -4,13 +4,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from design.errors import DesignError
-from design.preset import preset
-from design.shape.outline import rectangle
 from optopad.cli import main
+from optopad.design.errors import DesignError
+from optopad.design.preset import preset
+from optopad.design.shape.outline import rectangle
 from optopad.jobs.prediction import write_accuracy
 from optopad.results.prediction import PredictedAccuracy, accuracy_lines, accuracy_of
-from sims.learning.tables import JudgedPresses, published_touch
+from optopad.sims.learning.tables import JudgedPresses, published_touch
 from tests.said import says
 
 SPACE = rectangle((6.0, 6.0, 26.0, 26.0))
@@ -127,7 +127,7 @@ grid_mm = 5.0
 
 
 def test_places_that_are_trained_and_tested_on_are_refused():
-    from design.press_protocol import protocol_from
+    from optopad.design.press_protocol import protocol_from
 
     sets = [
         {"name": "a", "role": "train", "is_ambient": False, "random_places": 9},

@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from design.io import load_design
-from design.preset import preset
 from optopad.cli import main
+from optopad.design.io import load_design
+from optopad.design.preset import preset
 from optopad.jobs.calibration import CalibratedBuild, write_calibration
-from sims.learning.calibration import Calibration, Fitted, report_of
-from sims.learning.calibration_problem import calibration_samples, unknowns_of, with_values
-from sims.learning.inference.model_file import load_model
-from sims.readings.dataset import save_data
+from optopad.sims.learning.calibration import Calibration, Fitted, report_of
+from optopad.sims.learning.calibration_problem import calibration_samples, unknowns_of, with_values
+from optopad.sims.learning.inference.model_file import load_model
+from optopad.sims.readings.dataset import save_data
 from tests.sims.learning.made_up_map import made_up_map_model, ratios, untouched_counts
 from tests.sims.learning.made_up_presses import made_up_data
 
@@ -85,7 +85,7 @@ def test_a_design_without_open_optics_is_refused(tmp_path: Path, capsys: pytest.
     exact = design.with_(tolerances={one.path: 0.0 for one in unknowns_of(design)})
     data = replace(recording(6), design_digest=None)
     file = save_data(data, tmp_path / "presses.nc")
-    from design.io import save_design
+    from optopad.design.io import save_design
 
     save_design(exact, tmp_path / "exact.toml")
     assert "all optical values" in refused(capsys, str(tmp_path / "exact.toml"), str(file))

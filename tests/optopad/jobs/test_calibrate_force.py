@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from design.errors import InputError
-from fabrication.driver.recording.force_log import ForceLog, read_force_log
 from optopad.cli import main
+from optopad.design.errors import InputError
+from optopad.fabrication.driver.recording.force_log import ForceLog, read_force_log
 from optopad.jobs import calibration
 from optopad.jobs.calibration import _pressed_force
 from optopad.jobs.force_clock import force_clock
-from sims.learning.force_fit import fit_force
-from sims.learning.inference.header import ForceCurve, header_of_json
-from sims.learning.press_force import TipPath
+from optopad.sims.learning.force_fit import fit_force
+from optopad.sims.learning.inference.header import ForceCurve, header_of_json
+from optopad.sims.learning.press_force import TipPath
 from tests.fabrication.driver.made_up_model import header
 from tests.said import says
 from tests.sims.learning.test_force_fit import PAD, pressed

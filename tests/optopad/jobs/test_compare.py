@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import pytest
 
-from design.preset import preset
-from fabrication.bundle import altered_files, bundle_name
 from optopad.cli import main
+from optopad.design.preset import preset
+from optopad.fabrication.bundle import altered_files, bundle_name
 from optopad.jobs import compare as comparing
 from optopad.jobs.compare import changes_of, compare
 from optopad.report.before_after import compare_html

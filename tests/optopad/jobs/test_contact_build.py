@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from optopad.cli import main
-from sims.contact.library import build as library_build
-from sims.contact.library.profile_library import pack, shipped_library
+from optopad.sims.contact.library import build as library_build
+from optopad.sims.contact.library.profile_library import pack, shipped_library
 
 
 @pytest.fixture

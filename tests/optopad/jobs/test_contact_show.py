@@ -9,8 +9,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from fabrication.bundle import altered_files
 from optopad.cli import main
+from optopad.fabrication.bundle import altered_files
 from optopad.jobs.press_view import HOW_TO_RELAX
 
 PAD = "piacenza2017-pad"

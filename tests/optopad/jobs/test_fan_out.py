@@ -15,9 +15,9 @@ from pathlib import Path
 
 import pytest
 
-from design.errors import InputError
-from design.search.explore import explore
-from design.search.space import load_space
+from optopad.design.errors import InputError
+from optopad.design.search.explore import explore
+from optopad.design.search.space import load_space
 from optopad.fan_out import on_cluster
 
 ROOT = Path(__file__).parents[3]
@@ -112,7 +112,7 @@ def test_a_search_on_two_workers_one_killed_finds_what_one_process_finds(cluster
 @pytest.mark.full
 @pytest.mark.filterwarnings("ignore::ResourceWarning")
 def test_the_real_pair_is_judged_the_same_on_the_cluster(cluster, tmp_path):
-    from sims.score.objective import judge
+    from optopad.sims.score.objective import judge
 
     space = load_space("pair-heights")
     objective = functools.partial(judge, wanted=("evenness", "strength", "resolvable_steps"))

@@ -14,12 +14,12 @@ import pytest
 
 import optopad
 import optopad.jobs.improvement as improvement
-import sims.score.objective as objective
-from design.io import load_design
-from design.preset import preset, preset_text
-from design.rules.check import check
+import optopad.sims.score.objective as objective
 from optopad.cli.main import main
 from optopad.cli.search import INTERRUPTED
+from optopad.design.io import load_design
+from optopad.design.preset import preset, preset_text
+from optopad.design.rules.check import check
 from optopad.jobs.smallest_mold import smallest_mold
 from optopad.screen.verdict import LINES
 from tests.design.search.test_improvement_space import judge

@@ -7,17 +7,17 @@ from typing import Any
 import pytest
 
 import optopad
-from design.preset import preset
-from design.spec import SensorDesign
-from design.spec.cheap_fields import CLEAR
+from optopad.design.preset import preset
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.cheap_fields import CLEAR
 from optopad.jobs.compare import compare
 from optopad.jobs.sweep import run_sweep
 from optopad.results.sweep import table_row
+from optopad.sims.score.objective import judge
+from optopad.sims.score.result import ContinuityScore
+from optopad.sims.score.scoring import score, verdict_of
 from optopad.studio.live_results import LiveVerdict
 from optopad.studio.session import LivePress
-from sims.score.objective import judge
-from sims.score.result import ContinuityScore
-from sims.score.scoring import score, verdict_of
 from tests.optopad.studio.test_workshop import Answers, Request, working
 
 ROW = preset("piacenza2017-pair").with_(

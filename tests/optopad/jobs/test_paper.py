@@ -7,7 +7,7 @@ import re
 import pytest
 
 from optopad.cli import main
-from sims.score.sweep import SweepRow
+from optopad.sims.score.sweep import SweepRow
 from tests.validation.verdict.thickness import (
     FIGURE,
     HEAD,

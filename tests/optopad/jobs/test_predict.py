@@ -2,8 +2,8 @@ import json
 
 import pytest
 
-from design.preset import preset
 from optopad.cli import main
+from optopad.design.preset import preset
 from optopad.jobs.prediction import QUICK, predict
 
 PROTOCOL = """
@@ -50,7 +50,7 @@ def predicted(small_protocol, tmp_path_factory):
 
 @pytest.mark.slow
 def test_a_prediction_has_its_tables_page_pictures_and_a_model_that_loads(predicted):
-    from sims.learning.inference.model_file import load_model
+    from optopad.sims.learning.inference.model_file import load_model
 
     found, folder = predicted
     document = json.loads((folder / "sims" / "prediction.json").read_text(encoding="utf-8"))

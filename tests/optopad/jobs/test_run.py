@@ -8,12 +8,12 @@ import pytest
 import trimesh
 import xarray as xr
 
-from design.errors import OutputError
-from design.io import load_design
-from design.preset import preset
-from fabrication.bundle import altered_files, bundle_name
-from fabrication.driver_file import load_driver_config
 from optopad.cli import main
+from optopad.design.errors import OutputError
+from optopad.design.io import load_design
+from optopad.design.preset import preset
+from optopad.fabrication.bundle import altered_files, bundle_name
+from optopad.fabrication.driver_file import load_driver_config
 from optopad.jobs.pipeline import run
 from tests.sims.made_up_scores import contiguous_score
 
@@ -69,9 +69,9 @@ def quick(tmp_path_factory) -> Path:
     (here / "design.py").write_text("raise SystemExit(1)", encoding="utf-8")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(here)
-        patch.setattr("sims.score.scoring.score", lambda design, **_: contiguous_score(design))
+        patch.setattr("optopad.sims.score.scoring.score", lambda design, **_: contiguous_score(design))
         for also in ("build_tolerance.with_tolerance", "field_steps.with_field_steps", "trials.with_trial"):
-            patch.setattr(f"sims.score.{also}", lambda _design, found, **_: found)
+            patch.setattr(f"optopad.sims.score.{also}", lambda _design, found, **_: found)
         patch.setattr("optopad.report.sections.early.ray_scene", lambda *_, **__: "no picture in this test")
         patch.setattr("optopad.report.sections.drawings.svg_text", lambda *_: '<svg viewBox="0 0 1 1"></svg>')
         return here / run(DESIGN, Path("outputs"), fine=False, seed=0, on_step=no_step).folder

@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import pytest
 
-from design.preset import preset
 from optopad.cli import main
-from sims.score import build_tolerance
-from sims.verdict import builds
+from optopad.design.preset import preset
+from optopad.sims.score import build_tolerance
+from optopad.sims.verdict import builds
 from tests.sims.made_up_scores import contiguous_score
 
 pytestmark = pytest.mark.slow
@@ -44,7 +44,7 @@ def test_an_interrupted_study_goes_on_where_it_stopped(few_values, monkeypatch, 
     real = builds.facing_brief
     scored = replace(contiguous_score(preset("piacenza2017-pair")), pad_signals=None)
     monkeypatch.setattr(
-        "sims.score.scoring.score", lambda *_, **__: scored
+        "optopad.sims.score.scoring.score", lambda *_, **__: scored
     )  # the builds are what is tested here
 
     def judge(design, *, seed):
@@ -53,7 +53,7 @@ def test_an_interrupted_study_goes_on_where_it_stopped(few_values, monkeypatch, 
             raise KeyboardInterrupt
         return real(design, seed=seed)
 
-    monkeypatch.setattr("sims.verdict.builds.facing_brief", judge)
+    monkeypatch.setattr("optopad.sims.verdict.builds.facing_brief", judge)
     assert main(COMMAND) == 130
     capsys.readouterr()
     assert main(COMMAND) == 0

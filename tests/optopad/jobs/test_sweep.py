@@ -6,17 +6,17 @@ from dataclasses import replace
 
 import pytest
 
-from design.io import load_design
-from design.preset import preset
-from fabrication.bundle import altered_files, bundle_name
 from optopad.cli import main
+from optopad.design.io import load_design
+from optopad.design.preset import preset
+from optopad.fabrication.bundle import altered_files, bundle_name
 from optopad.jobs import sweep as sweeping
 from optopad.jobs.sweep import run_sweep
 from optopad.results.figures import TABLE_WIDTH, figures_of
 from optopad.results.sweep import Sweep
+from optopad.sims.plots.sweep import plot_sweep
+from optopad.sims.score.sweep import SweepRow, disputed, sweep_row
 from optopad.work import FinishedWork
-from sims.plots.sweep import plot_sweep
-from sims.score.sweep import SweepRow, disputed, sweep_row
 from tests.said import says
 from tests.sims.made_up_bounds import made_up_bounds
 from tests.sims.made_up_scores import contiguous_score, dead_score, out_of_scope_score
@@ -302,7 +302,7 @@ def test_a_built_set_has_a_bundle_a_value_with_its_mold_marked(tmp_path, capsys,
     def judge(design, **_):
         return replace(made_up(design), pad_signals=None)
 
-    monkeypatch.setattr("sims.score.scoring.score", judge)  # the bundle is what is tested here
+    monkeypatch.setattr("optopad.sims.score.scoring.score", judge)  # the bundle is what is tested here
     command = ["sweep", "piacenza2017-pair", f"{THICKNESS}=9", "--build", "--out", str(tmp_path), "--json"]
     assert main(command) == 0
     document = json.loads(capsys.readouterr().out)

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from design.preset import preset
-from sims.bounds.detection_threshold import DetectionThreshold
-from sims.bounds.fisher import Steps
-from sims.bounds.observability import BoundFigure, Limits, PadBounds, PartLoss
-from sims.score.result import ContinuityScore
+from optopad.design.preset import preset
+from optopad.sims.bounds.detection_threshold import DetectionThreshold
+from optopad.sims.bounds.fisher import Steps
+from optopad.sims.bounds.observability import BoundFigure, Limits, PadBounds, PartLoss
+from optopad.sims.score.result import ContinuityScore
 from tests.sims.made_up_scores import dead_score
 
 PAD = preset("piacenza2017-pad")

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from design.errors import ModelScopeError
+from optopad.design.errors import ModelScopeError
 from optopad.report.sections import drawings, early
 
 

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from design.shape.cavity import cavity_of
-from design.spec import SensorDesign
+from optopad.design.shape.cavity import cavity_of
+from optopad.design.spec import SensorDesign
 from optopad.report.scenes.ray_scene import RayScene
-from sims.optics.oracle.paths import LightPath
-from sims.rays import RayState
-from sims.score.result import ContinuityScore
+from optopad.sims.optics.oracle.paths import LightPath
+from optopad.sims.rays import RayState
+from optopad.sims.score.result import ContinuityScore
 from tests.sims.made_up_scores import dead_score
 from tests.sims.plots.shaped_pads import in_workspace, made_up_press, shaped_bounds
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from cad.mesh import Mesh, stl_bytes
-from design.mold.outline import bed_lift_mm, outline_of
-from design.shape.cavity import cavity_of
-from design.spec import SensorDesign
+from optopad.cad.mesh import Mesh, stl_bytes
+from optopad.design.mold.outline import bed_lift_mm, outline_of
+from optopad.design.shape.cavity import cavity_of
+from optopad.design.spec import SensorDesign
 
 
 def shell_stl(design: SensorDesign) -> bytes:

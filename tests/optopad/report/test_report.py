@@ -12,15 +12,15 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from design.preset import preset
-from design.spec import SensorDesign
+from optopad.design.preset import preset
+from optopad.design.spec import SensorDesign
 from optopad.report.page import write_report
 from optopad.report.sections.closing import WRITTEN_LAST
 from optopad.report.sections.drawings import drawings_of, shown_pairs
 from optopad.report.sections.load import force_section
 from optopad.report.sections.published import PIACENZA_2017, published_load
 from optopad.report.words import governing, ranked
-from sims.score.result import ContinuityScore
+from optopad.sims.score.result import ContinuityScore
 from tests.optopad.report.page_reader import Page
 from tests.said import says
 from tests.sims.made_up_scores import (

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from design.preset import preset
-from design.shape.cavity import cavity_of
+from optopad.design.preset import preset
+from optopad.design.shape.cavity import cavity_of
 from optopad.report.page import write_report
 from optopad.report.scenes.cause_drawing import plot_cause
 from optopad.screen.verdict_sentences import cause_sentence
-from sims.verdict.tolerance import Effect, FieldStep, FieldSteps
+from optopad.sims.verdict.tolerance import Effect, FieldStep, FieldSteps
 from tests.optopad.report.page_reader import Page
 from tests.optopad.screen.test_one_screen import cause
 from tests.sims.made_up_scores import CHECKS, dead_score

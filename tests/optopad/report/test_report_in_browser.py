@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from design.preset import preset
-from fabrication.sheets.all_sheets import write_sheets
+from optopad.design.preset import preset
+from optopad.fabrication.sheets.all_sheets import write_sheets
 from optopad.report.page import write_report
 from tests.optopad.report.bounded_score import PAD, bounded_score
 from tests.optopad.report.browser import NAMES, Tab, browser_path, tab

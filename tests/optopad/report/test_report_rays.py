@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from design.errors import ModelScopeError
-from design.preset import preset
+from optopad.design.errors import ModelScopeError
+from optopad.design.preset import preset
 from optopad.report.page import write_report
 from optopad.report.scenes.ray_scene import (
     CURVE_TOLERANCE_MM,
@@ -26,7 +26,7 @@ from optopad.report.scenes.ray_scene import (
 )
 from optopad.report.sections.rays import rays_section
 from optopad.report.words import script_policy
-from sims.rays import LOST, MIRRORED
+from optopad.sims.rays import LOST, MIRRORED
 from tests.sims.made_up_scores import CHECKS, contiguous_score, dead_score, out_of_scope_score
 
 PAIR = preset("piacenza2017-pair")
@@ -81,7 +81,7 @@ def test_a_pad_is_shown_at_its_weakest_place_with_the_pairs_that_pass_there():
 
 
 def ray_scene_cavity():
-    from design.shape.cavity import cavity_of
+    from optopad.design.shape.cavity import cavity_of
 
     return cavity_of(PAD)
 

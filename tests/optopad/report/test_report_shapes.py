@@ -10,7 +10,7 @@ import pytest
 from matplotlib.collections import QuadMesh
 from matplotlib.patches import Polygon
 
-from design.shape.cavity import cavity_of
+from optopad.design.shape.cavity import cavity_of
 from optopad.report.page import write_report
 from optopad.report.scenes.cause_drawing import plot_cause
 from optopad.report.scenes.layout_drawing import plot_layout

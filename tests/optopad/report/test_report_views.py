@@ -9,18 +9,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cad.mesh import read_stl
-from design.mold.outline import bed_lift_mm, outline_of
-from design.preset import preset
-from design.shape.cavity import cavity_of, direct_path_pairs
-from fabrication.sheets.casting import casting_md
+from optopad.cad.mesh import read_stl
+from optopad.design.mold.outline import bed_lift_mm, outline_of
+from optopad.design.preset import preset
+from optopad.design.shape.cavity import cavity_of, direct_path_pairs
+from optopad.fabrication.sheets.casting import casting_md
 from optopad.report.scenes.mold_scene import mold_scene
 from optopad.report.scenes.pair_scene import STEPS, pair_scene
 from optopad.report.sections.maps import load_map, map_scene
 from optopad.report.words import html_of
-from sims.optics.light_signals import LightSignals
-from sims.verdict.depth_curve import noise_units
-from sims.verdict.pad_map import Place, pad_profile
+from optopad.sims.optics.light_signals import LightSignals
+from optopad.sims.verdict.depth_curve import noise_units
+from optopad.sims.verdict.pad_map import Place, pad_profile
 from tests.optopad.report.bounded_score import bounded_score
 from tests.optopad.report.page_reader import Page
 from tests.optopad.report.shell_mold import shell_stl
@@ -124,7 +124,7 @@ def test_the_change_by_depth_is_that_of_the_most_responsive_pair_over_three_tent
 
 def test_the_least_change_by_depth_is_the_margin_of_the_verdict() -> None:
     """Where the whole curve is known, the map by depth and the verdict's margin agree."""
-    from sims.verdict.depth_curve import smallest_range
+    from optopad.sims.verdict.depth_curve import smallest_range
 
     score = contiguous_score(PAIR)
     depth = np.linspace(0.0, 5.0, 51)

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from design.preset import preset
+from optopad.design.preset import preset
 from optopad.screen.verdict import verdict_screen
 from optopad.screen.verdict_sentences import fix_words, sentences_of, tool_words
-from sims.verdict.trial import Move, Trial, TriedMove
+from optopad.sims.verdict.trial import Move, Trial, TriedMove
 from tests.sims.made_up_scores import dead_score
 
 PAD = preset("piacenza2017-pad")

@@ -2,7 +2,7 @@ import json
 
 import pytest
 
-from design.preset import preset
+from optopad.design.preset import preset
 from optopad.prediction_cost import quick_prediction_s
 from optopad.screen.verdict import learner_line
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from design.fields.finding import error, warning
-from design.preset import preset
+from optopad.design.fields.finding import error, warning
+from optopad.design.preset import preset
 from optopad.report.words import bounds_words
 from optopad.screen.verdict import (
     LINES,
@@ -19,7 +19,7 @@ from optopad.screen.verdict import (
     verdict_screen,
 )
 from optopad.screen.verdict_sentences import sentences_of
-from sims.verdict.causes import Cause, Witness
+from optopad.sims.verdict.causes import Cause, Witness
 from tests.design.for_each import for_each
 from tests.said import says
 from tests.sims.made_up_bounds import made_up_bounds

@@ -8,14 +8,14 @@ from dataclasses import replace
 
 import pytest
 
-from design.fields.quantity import Cost
-from design.mold.outline import outline_of
-from design.preset import preset
-from fabrication.sheets import bom
+from optopad.design.fields.quantity import Cost
+from optopad.design.mold.outline import outline_of
+from optopad.design.preset import preset
+from optopad.fabrication.sheets import bom
 from optopad.results import figures
 from optopad.results.figures import SUMMARY_ROOM, figures_of, summary_words
 from optopad.screen.verdict_sentences import verdict_words
-from sims.score.sweep import sweep_row
+from optopad.sims.score.sweep import sweep_row
 from tests.sims.made_up_bounds import made_up_bounds
 from tests.sims.made_up_scores import contiguous_score, dead_score, out_of_scope_score
 

@@ -45,7 +45,7 @@ def edits(session: Session, count: int, seed: int) -> Iterator[str]:
 
 
 def _parts(session: Session) -> tuple:
-    from design.shape.cavity import cavity_of
+    from optopad.design.shape.cavity import cavity_of
 
     return cavity_of(session.design).parts
 

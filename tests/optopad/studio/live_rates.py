@@ -17,10 +17,10 @@ from pathlib import Path
 
 import numpy as np
 
-from design.preset import FLAT_PRESETS, preset
-from design.shape.cavity import cavity_of
-from design.spec import SensorDesign
-from fabrication.driver.link.frames import Frame
+from optopad.design.preset import FLAT_PRESETS, preset
+from optopad.design.shape.cavity import cavity_of
+from optopad.design.spec import SensorDesign
+from optopad.fabrication.driver.link.frames import Frame
 from optopad.studio.live import FAKE, LiveSensor
 
 LOOKS_HZ = 30.0
@@ -68,7 +68,7 @@ def in_python(_design: SensorDesign, is_over: threading.Event) -> None:
 
 def by_light(design: SensorDesign, is_over: threading.Event) -> None:
     """Work as the studio's: the untouched pad's light, over and over."""
-    from sims.verdict.presses import untouched_flux
+    from optopad.sims.verdict.presses import untouched_flux
 
     cavity, seed = cavity_of(design), 1
     while not is_over.is_set():

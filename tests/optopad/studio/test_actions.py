@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from design.mold.outline import outline_of
-from design.preset import preset
+from optopad.design.mold.outline import outline_of
+from optopad.design.preset import preset
 from optopad.studio import actions
 from optopad.studio.actions import Ghost, MoldShop, Task
 from optopad.studio.session import Said

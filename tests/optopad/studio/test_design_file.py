@@ -14,11 +14,11 @@ import tomlkit
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from design.errors import DesignError, InputError, OptopadError, OutputError
-from design.io import load_design, save_design
-from design.preset import FLAT_PRESETS, PRESETS, SHAPED_PRESETS, preset, preset_text
-from design.shape.cavity import cavity_of
-from design.spec import SensorDesign
+from optopad.design.errors import DesignError, InputError, OptopadError, OutputError
+from optopad.design.io import load_design, save_design
+from optopad.design.preset import FLAT_PRESETS, PRESETS, SHAPED_PRESETS, preset, preset_text
+from optopad.design.shape.cavity import cavity_of
+from optopad.design.spec import SensorDesign
 from optopad.studio.design_file import DesignFile, comments_of
 from optopad.studio.editable_fields import changes_of, editable_fields_of
 from optopad.studio.moves import moved

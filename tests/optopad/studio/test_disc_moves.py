@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from design.errors import InputError
-from design.preset import SHAPED_PRESETS, preset, preset_text
-from design.shape.cavity import PlacedPart, cavity_of, workspace_of
-from design.spec import SensorDesign
+from optopad.design.errors import InputError
+from optopad.design.preset import SHAPED_PRESETS, preset, preset_text
+from optopad.design.shape.cavity import PlacedPart, cavity_of, workspace_of
+from optopad.design.spec import SensorDesign
 from optopad.studio.design_file import DesignFile
 from optopad.studio.moves import STEP_DEG, moved, part_named
 from optopad.studio.session import Session

@@ -11,13 +11,17 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from design.errors import ModelScopeError
-from design.fields.finding import error
-from design.preset import FLAT_PRESETS, SHAPED_PRESETS, preset
-from design.rules.check import check
-from design.shape.cavity import CavityGeometry, cavity_of, workspace_of
-from design.spec import SensorDesign
-from fabrication.driver.pattern import Problem
+from optopad.design.errors import ModelScopeError
+from optopad.design.fields.finding import error
+from optopad.design.preset import FLAT_PRESETS, SHAPED_PRESETS, preset
+from optopad.design.rules.check import check
+from optopad.design.shape.cavity import CavityGeometry, cavity_of, workspace_of
+from optopad.design.spec import SensorDesign
+from optopad.fabrication.driver.pattern import Problem
+from optopad.sims.readings.readout import Readout
+from optopad.sims.score.objective import PlaceCurves
+from optopad.sims.score.result import JudgedPair
+from optopad.sims.verdict.pad_map import PadMap, Place, grid_places_mm, map_grid_mm
 from optopad.studio.drawings import QUANTITIES, curves_svg, map_svg, quantity, readings_svg
 from optopad.studio.live import LiveView
 from optopad.studio.live_results import LiveVerdict, Progress
@@ -25,10 +29,6 @@ from optopad.studio.pad_mesh import cut_open
 from optopad.studio.sentences import pins_html, said_html, sensor_html, verdict_html
 from optopad.studio.session import LivePress, Said, Version
 from optopad.studio.surface_mesh import pressed_top
-from sims.readings.readout import Readout
-from sims.score.objective import PlaceCurves
-from sims.score.result import JudgedPair
-from sims.verdict.pad_map import PadMap, Place, grid_places_mm, map_grid_mm
 from tests.optopad.report.bounded_score import bounded_score
 from tests.sims.made_up_scores import dead_score, made_up_depths, made_up_pair, out_of_scope_score
 

@@ -8,12 +8,12 @@ from typing import Any
 
 import pytest
 
-from design.errors import DesignError, InputError
-from design.fields.base import get_at
-from design.io import file_schema
-from design.preset import FLAT_PRESETS, SHAPED_PRESETS, preset
-from design.shape.cavity import cavity_of, plan_of
-from design.spec import SensorDesign
+from optopad.design.errors import DesignError, InputError
+from optopad.design.fields.base import get_at
+from optopad.design.io import file_schema
+from optopad.design.preset import FLAT_PRESETS, SHAPED_PRESETS, preset
+from optopad.design.shape.cavity import cavity_of, plan_of
+from optopad.design.spec import SensorDesign
 from optopad.studio.editable_fields import (
     BY_HAND,
     PATTERNS,

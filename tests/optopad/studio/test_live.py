@@ -16,16 +16,16 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
-from design.arrays import FloatArray
-from design.errors import InputError
-from design.preset import preset
-from fabrication.bundle import bundle_name
-from fabrication.driver.simulated.faults import faults_of
-from fabrication.driver.simulated.finger import HOVER_MM
-from fabrication.driver.simulated.port import FakePort, PtyWire
-from fabrication.driver_config import dump_driver_config
+from optopad.design.arrays import FloatArray
+from optopad.design.errors import InputError
+from optopad.design.preset import preset
+from optopad.fabrication.bundle import bundle_name
+from optopad.fabrication.driver.simulated.faults import faults_of
+from optopad.fabrication.driver.simulated.finger import HOVER_MM
+from optopad.fabrication.driver.simulated.port import FakePort, PtyWire
+from optopad.fabrication.driver_config import dump_driver_config
+from optopad.sims.learning.inference.model_file import save_model
 from optopad.studio.live import LiveSensor, LiveView
-from sims.learning.inference.model_file import save_model
 from tests.fabrication.driver.made_up_model import header, made_up_model
 from tests.fabrication.driver.made_up_pad import NAME, board, pad_config, press_table, untouched
 
@@ -263,7 +263,7 @@ def test_a_simulated_board_ends_with_a_window_that_was_killed(bundles: Path) -> 
     program = f"""
 import time
 from pathlib import Path
-from design.preset import preset
+from optopad.design.preset import preset
 from optopad.studio.live import LiveSensor
 live = LiveSensor(preset({NAME!r}), port="fake", model=None, bundles=Path({str(bundles)!r}))
 live.start()
@@ -313,7 +313,7 @@ def test_a_frame_of_the_queue_that_was_dropped_is_missed(
     with FakePort(board()) as port, sensor(port.name, bundles) as live:
         live.start()
         waited(live, lambda view: view.normalised is not None)
-        monkeypatch.setattr("fabrication.driver.stream.QUEUE_FRAMES", 0)
+        monkeypatch.setattr("optopad.fabrication.driver.stream.QUEUE_FRAMES", 0)
         time.sleep(0.1)
         monkeypatch.undo()
         view = waited(live, lambda view: view.view_lost > 0)

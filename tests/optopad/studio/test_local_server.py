@@ -20,8 +20,8 @@ from websockets.sync.client import connect
 from websockets.sync.connection import Connection
 from websockets.typing import Origin, Subprotocol
 
-from design.errors import InputError
-from design.preset import preset_text
+from optopad.design.errors import InputError
+from optopad.design.preset import preset_text
 from optopad.studio.design_file import DesignFile
 from optopad.studio.session import Session
 from optopad.studio.view.controls import BackgroundJobs

@@ -8,9 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from design.preset import PRESETS, SHAPED_PRESETS, preset
-from design.shape.cavity import cavity_of, workspace_of
-from design.spec import SensorDesign
+from optopad.design.preset import PRESETS, SHAPED_PRESETS, preset
+from optopad.design.shape.cavity import cavity_of, workspace_of
+from optopad.design.spec import SensorDesign
+from optopad.sims.contact.pad_surface import PadSurface, curve_height_mm, pad_surface
+from optopad.sims.optics.scene.lower import scene_of
 from optopad.studio import surface_mesh
 from optopad.studio.pad_mesh import cut_open, outline_mm, struck_place, untouched_top
 from optopad.studio.surface_mesh import pressed_top
@@ -22,8 +24,6 @@ from optopad.studio.view.shapes import (
     round_cut,
     tip_apex_mm,
 )
-from sims.contact.pad_surface import PadSurface, curve_height_mm, pad_surface
-from sims.optics.scene.lower import scene_of
 
 DISC, CROWNED, DOME, STADIUM = SHAPED_PRESETS
 SPOTS = [(0.0, 0.0), (0.7, 0.4), (-0.6, -0.7)]

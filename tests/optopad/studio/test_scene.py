@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 import viser
 
-from design.preset import PRESETS, SHAPED_PRESETS
-from design.shape.cavity import cavity_of
+from optopad.design.preset import PRESETS, SHAPED_PRESETS
+from optopad.design.shape.cavity import cavity_of
 from optopad.studio.design_file import DesignFile
 from optopad.studio.moves import moved, part_named
 from optopad.studio.session import Session

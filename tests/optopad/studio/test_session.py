@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from design.preset import preset, preset_text
-from design.rules.check import check
-from design.shape.cavity import workspace_of
+from optopad.design.preset import preset, preset_text
+from optopad.design.rules.check import check
+from optopad.design.shape.cavity import workspace_of
 from optopad.studio import session as session_module
 from optopad.studio.design_file import DesignFile
 from optopad.studio.session import MERGE_S, Said, Session

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 import viser
 
-from design.io import load_design
-from design.preset import SHAPED_PRESETS, preset_text
-from design.shape.cavity import cavity_of
+from optopad.design.io import load_design
+from optopad.design.preset import SHAPED_PRESETS, preset_text
+from optopad.design.shape.cavity import cavity_of
 from optopad.screen.verdict_sentences import sentences_of
+from optopad.sims.score.scoring import score
 from optopad.studio.design_file import DesignFile
 from optopad.studio.moves import part_named
 from optopad.studio.session import Session
 from optopad.studio.view.page import Page
-from sims.score.scoring import score
 from tests.optopad.studio.chromium import chromium_page, needs_chromium, screen_place
 
 pytestmark = [needs_chromium, pytest.mark.slow]

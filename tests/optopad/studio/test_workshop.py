@@ -12,15 +12,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from design.preset import preset
-from design.spec import SensorDesign
+from optopad.design.preset import preset
+from optopad.design.spec import SensorDesign
+from optopad.sims.score import objective as draft
+from optopad.sims.score.objective import curves_under, draft_score
+from optopad.sims.score.result import ContinuityScore
+from optopad.sims.score.scoring import score
 from optopad.studio.live_results import Curves, Failed, LiveVerdict, Look, Progress, Rays, Readings, Result
 from optopad.studio.session import LivePress
 from optopad.studio.workshop import Request, Workshop
-from sims.score import objective as draft
-from sims.score.objective import curves_under, draft_score
-from sims.score.result import ContinuityScore
-from sims.score.scoring import score
 
 PAIR = preset("piacenza2017-pair")
 PRESS = LivePress(x_mm=9.0, y_mm=11.0, depth_mm=2.0)
@@ -138,10 +138,12 @@ def slow_score(monkeypatch: pytest.MonkeyPatch, pair_draft: ContinuityScore) -> 
             state["ended"] += 1
         return draft_score(design) if state.get("is_out") else replace(pair_draft, digest=design.digest)
 
-    monkeypatch.setattr("sims.score.scoring.score", stand_in)
-    monkeypatch.setattr("sims.score.build_tolerance.with_tolerance", lambda _design, found, **_: found)
-    monkeypatch.setattr("sims.score.field_steps.with_field_steps", lambda _design, found, **_: found)
-    monkeypatch.setattr("sims.score.trials.with_trial", lambda _design, found, **_: found)
+    monkeypatch.setattr("optopad.sims.score.scoring.score", stand_in)
+    monkeypatch.setattr(
+        "optopad.sims.score.build_tolerance.with_tolerance", lambda _design, found, **_: found
+    )
+    monkeypatch.setattr("optopad.sims.score.field_steps.with_field_steps", lambda _design, found, **_: found)
+    monkeypatch.setattr("optopad.sims.score.trials.with_trial", lambda _design, found, **_: found)
     return state
 
 
@@ -276,7 +278,7 @@ def test_a_design_outside_the_models_is_said_with_the_reason_and_the_work_goes_o
 def test_a_press_that_the_models_do_not_cover_leaves_the_design_judged(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    from design.errors import ModelScopeError
+    from optopad.design.errors import ModelScopeError
 
     def refuse(*_: Any, **__: Any) -> Any:
         raise ModelScopeError("too near the wall")
@@ -298,7 +300,7 @@ def test_a_fault_of_ours_is_said_and_the_rest_of_the_work_is_done(
     def fail(*_: Any, **__: Any) -> Any:
         raise ZeroDivisionError("of ours")
 
-    monkeypatch.setattr("sims.score.objective.draft_score", fail)
+    monkeypatch.setattr("optopad.sims.score.objective.draft_score", fail)
     with working(request_of()) as (_, answers):
         answers.wait_idle(answers.wait(lambda one: isinstance(one, Failed)))
         assert answers.names() == ["Curves", "Look", "Failed"]

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from sims.bounds.fisher import Bounds, Steps, stencil_derivatives, stencil_presses
-from sims.bounds.observability import depth_weights, median_of, share_of
+from optopad.sims.bounds.fisher import Bounds, Steps, stencil_derivatives, stencil_presses
+from optopad.sims.bounds.observability import depth_weights, median_of, share_of
 
 
 def bounds_with(location, depth, error=0.0):

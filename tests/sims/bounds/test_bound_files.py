@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from design.preset import preset
-from sims.bounds.observability import bound_depths_mm, bounds_json
-from sims.readings.readout import save_dataset
-from sims.score.maps_file import bounds_dataset, provenance
+from optopad.design.preset import preset
+from optopad.sims.bounds.observability import bound_depths_mm, bounds_json
+from optopad.sims.readings.readout import save_dataset
+from optopad.sims.score.maps_file import bounds_dataset, provenance
 from tests.sims.made_up_bounds import made_up_bounds
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sims.bounds.fisher import Sensitivity, bounds_of, information
+from optopad.sims.bounds.fisher import Sensitivity, bounds_of, information
 
 PAIRS = 48
 

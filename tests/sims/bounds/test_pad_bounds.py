@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from design.preset import preset
-from design.shape.cavity import cavity_of, judged_pairs, mask_of
-from sims.bounds.fisher import Steps, bounds_of, sensitivities, sensitivity
-from sims.bounds.observability import BOUND_ACCURACIES, own_readout, pad_bounds
-from sims.optics.tracing import trace
-from sims.readings.readout import readout_of
-from sims.score.maps_file import bounds_dataset
-from sims.verdict.presses import untouched_flux
+from optopad.design.preset import preset
+from optopad.design.shape.cavity import cavity_of, judged_pairs, mask_of
+from optopad.sims.bounds.fisher import Steps, bounds_of, sensitivities, sensitivity
+from optopad.sims.bounds.observability import BOUND_ACCURACIES, own_readout, pad_bounds
+from optopad.sims.optics.tracing import trace
+from optopad.sims.readings.readout import readout_of
+from optopad.sims.score.maps_file import bounds_dataset
+from optopad.sims.verdict.presses import untouched_flux
 
 pytestmark = pytest.mark.slow
 DEPTHS_MM = (1.0, 2.5)
@@ -29,7 +29,7 @@ def both_seeds():
 
 def test_the_map_s_light_serves_the_bounds(monkeypatch, tmp_path):
     """Of the twelve presses of a voxel between depths of the map, the two by depth of the first half are the map's."""
-    import sims.optics.engine.trace_states as engine
+    import optopad.sims.optics.engine.trace_states as engine
 
     monkeypatch.setenv("OPTOPAD_CACHE", str(tmp_path))
     monkeypatch.setenv("OPTOPAD_LIGHT_CACHE_MB", "50")

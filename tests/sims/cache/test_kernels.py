@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from sims import kernels
+from optopad.sims import kernels
 
 PROGRAM = """
 import sys
@@ -27,7 +27,7 @@ print(module.{function}(2.0))
 """
 MODULE = """
 import sys
-from sims.kernels import entry_points
+from optopad.sims.kernels import entry_points
 
 @entry_points([sys.modules[__name__]])
 def twice(x):
@@ -45,7 +45,7 @@ BESIDE = """
 import time
 from pathlib import Path
 from rooms import module
-from sims.kernels import compile_beside
+from optopad.sims.kernels import compile_beside
 
 for _ in range(2):
     compile_beside("rooms.module", module.thrice)

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from design.errors import InputError
-from sims import cache as light_store_module
-from sims.cache import SIZE_VARIABLE, GatheredLight, LightStore, light_store
+from optopad.design.errors import InputError
+from optopad.sims import cache as light_store_module
+from optopad.sims.cache import SIZE_VARIABLE, GatheredLight, LightStore, light_store
 
 ROWS = {bytes([k]) * 20: bytes(range(k, k + 64)) for k in range(100)}
 
@@ -130,7 +130,7 @@ def test_processes_that_write_at_once_lose_nothing(store: LightStore) -> None:
 
 
 def test_a_locked_file_is_left_alone(store: LightStore, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sims.cache.PATIENCE_S", 0.05)
+    monkeypatch.setattr("optopad.sims.cache.PATIENCE_S", 0.05)
     store.write(ROWS)
     other = sqlite3.connect(store.path, isolation_level=None)
     other.execute("BEGIN EXCLUSIVE")
@@ -199,7 +199,7 @@ def test_a_row_too_long_for_light_is_not_taken_into_memory(
     store: LightStore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     store.write(ROWS | {b"long": bytes(1000)})
-    monkeypatch.setattr("sims.cache.MOST_ROW_BYTES", 500)
+    monkeypatch.setattr("optopad.sims.cache.MOST_ROW_BYTES", 500)
     assert store.read([*ROWS, b"long"]) == ROWS
 
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from design.spec import SensorDesign
-from sims.contact.indentation import solved_press
-from sims.contact.library import stored_press
-from sims.contact.library.solved_press import SolvedPress
+from optopad.design.spec import SensorDesign
+from optopad.sims.contact.indentation import solved_press
+from optopad.sims.contact.library import stored_press
+from optopad.sims.contact.library.solved_press import SolvedPress
 from tests.sims.contact import kept_presses
 from tests.sims.contact.kept_presses import COARSE_MM, kept_or_solved
 

@@ -10,13 +10,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from design.errors import DesignError, InputError, ModelScopeError, OptopadError
-from design.spec import SensorDesign
-from sims.contact import indent
-from sims.contact.indentation import depth_limit_mm, modulus_mpa, solved_press
-from sims.contact.library import stored_press
-from sims.contact.library.solved_press import SolvedPress
-from sims.contact.scope import DEPTH_STEP, solved_depths, tip_radius_mm
+from optopad.design.errors import DesignError, InputError, ModelScopeError, OptopadError
+from optopad.design.spec import SensorDesign
+from optopad.sims.contact import indent
+from optopad.sims.contact.indentation import depth_limit_mm, modulus_mpa, solved_press
+from optopad.sims.contact.library import stored_press
+from optopad.sims.contact.library.solved_press import SolvedPress
+from optopad.sims.contact.scope import DEPTH_STEP, solved_depths, tip_radius_mm
 from tests.sims.contact.kept_presses import COARSE_MM
 
 SOLVE = stored_press._solve
@@ -99,7 +99,7 @@ def test_the_contact_room_itself_refuses_a_bad_tip(radius: float) -> None:
 def test_the_contact_room_itself_refuses_a_bad_modulus(
     monkeypatch: pytest.MonkeyPatch, check_design: SensorDesign, modulus: float
 ) -> None:
-    monkeypatch.setattr("sims.contact.indentation.youngs_modulus_mpa", lambda _: modulus)
+    monkeypatch.setattr("optopad.sims.contact.indentation.youngs_modulus_mpa", lambda _: modulus)
     with pytest.raises(DesignError, match=r"elastomer\.youngs_modulus_mpa: .* positive"):
         modulus_mpa(check_design)
 
@@ -165,8 +165,8 @@ def test_a_stored_press_is_read_without_loading_the_solver(
 ) -> None:
     program = (
         "import sys\n"
-        "from design.preset import preset\n"
-        "from sims.contact import indent\n"
+        "from optopad.design.preset import preset\n"
+        "from optopad.sims.contact import indent\n"
         "design = preset('piacenza2017-pad').with_(**{'cavity.clear_thickness_mm': 7.0, "
         "'operating.max_depth_mm': 3.0, 'elastomer.youngs_modulus_mpa': 1.0})\n"
         "print(indent(design, 1.0, mesh_mm=0.45).force_n, 'mujoco' in sys.modules)\n"

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from design.errors import ModelScopeError
-from design.preset import preset
-from design.spec import SensorDesign
-from sims.contact import indent
-from sims.contact.indentation import solved_press
-from sims.contact.library.profile_library import shipped_library
-from sims.contact.pad_surface import contact_notes, curve_height_mm, pad_surface
+from optopad.design.errors import ModelScopeError
+from optopad.design.preset import preset
+from optopad.design.spec import SensorDesign
+from optopad.sims.contact import indent
+from optopad.sims.contact.indentation import solved_press
+from optopad.sims.contact.library.profile_library import shipped_library
+from optopad.sims.contact.pad_surface import contact_notes, curve_height_mm, pad_surface
 
 NODES = np.linspace(0.0, 32.0, 65)
 PLACES = [(16.0, 16.0), (7.0, 9.0), (6.0, 16.0), (6.0, 6.0)]

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from design.errors import ModelScopeError
-from design.preset import preset
-from sims.contact.indentation import solved_press
-from sims.contact.library.build import fit_press, tributary_areas
-from sims.contact.library.solved_press import SolvedPress
-from sims.contact.library.unit_press import solve_unit_press
-from sims.contact.mesh import shared_out
-from sims.contact.pressure import FEWEST_SPACINGS, contact_pressure
+from optopad.design.errors import ModelScopeError
+from optopad.design.preset import preset
+from optopad.sims.contact.indentation import solved_press
+from optopad.sims.contact.library.build import fit_press, tributary_areas
+from optopad.sims.contact.library.solved_press import SolvedPress
+from optopad.sims.contact.library.unit_press import solve_unit_press
+from optopad.sims.contact.mesh import shared_out
+from optopad.sims.contact.pressure import FEWEST_SPACINGS, contact_pressure
 
 PAD = preset("piacenza2017-pad")
 TWELFTH = 1.0 / 12.0

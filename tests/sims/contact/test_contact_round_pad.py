@@ -7,13 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from design.preset import preset
-from design.spec import SensorDesign
-from sims.contact import indent
-from sims.contact.indentation import solved_press
-from sims.contact.library.profile_library import LAYERS, PAD_RADII, WALL_LAYERS, Library, shipped_library
-from sims.contact.library.smooth_press import LONGEST, TopCurve, arc_shares, run_out, sample_arcs
-from sims.contact.scope import HALF_WIDTH, WALL_RADIUS, half_width_of, round_radius, wall_radius
+from optopad.design.preset import preset
+from optopad.design.spec import SensorDesign
+from optopad.sims.contact import indent
+from optopad.sims.contact.indentation import solved_press
+from optopad.sims.contact.library.profile_library import (
+    LAYERS,
+    PAD_RADII,
+    WALL_LAYERS,
+    Library,
+    shipped_library,
+)
+from optopad.sims.contact.library.smooth_press import LONGEST, TopCurve, arc_shares, run_out, sample_arcs
+from optopad.sims.contact.scope import HALF_WIDTH, WALL_RADIUS, half_width_of, round_radius, wall_radius
 
 
 @pytest.fixture(scope="module")

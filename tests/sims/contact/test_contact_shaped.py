@@ -7,12 +7,12 @@ import math
 import numpy as np
 import pytest
 
-from design.errors import InputError, ModelScopeError
-from design.preset import SHAPED_PRESETS, preset
-from sims.contact.indentation import indent, solved_press
-from sims.contact.library.profile_library import shipped_library
-from sims.contact.pad_surface import pad_surface, pad_surfaces
-from sims.contact.scope import depth_limit_mm, layer_depth, mean_crown, wall_radius
+from optopad.design.errors import InputError, ModelScopeError
+from optopad.design.preset import SHAPED_PRESETS, preset
+from optopad.sims.contact.indentation import indent, solved_press
+from optopad.sims.contact.library.profile_library import shipped_library
+from optopad.sims.contact.pad_surface import pad_surface, pad_surfaces
+from optopad.sims.contact.scope import depth_limit_mm, layer_depth, mean_crown, wall_radius
 
 DOME, RIDGE, DISC = preset("fingertip-dome"), preset("crowned-40x25"), preset("levi2013-disc")
 

@@ -8,9 +8,14 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from design.spec import Indenter
-from sims.contact.library.smooth_press import contact_coordinate, contact_tolerance, hertz_gap, surface_curve
-from sims.contact.tip import (
+from optopad.design.spec import Indenter
+from optopad.sims.contact.library.smooth_press import (
+    contact_coordinate,
+    contact_tolerance,
+    hertz_gap,
+    surface_curve,
+)
+from optopad.sims.contact.tip import (
     HEMISPHERE,
     TipOutline,
     outside_tip,
@@ -19,7 +24,7 @@ from sims.contact.tip import (
     tip_of,
     tip_outline,
 )
-from sims.contact.wedge import (
+from optopad.sims.contact.wedge import (
     DENSE_HALF_ANGLE,
     TOP_HEIGHT,
     convex_chains,

@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from design.spec import Indenter
-from sims.contact.mesh import radial_mesh
-from sims.contact.tip import HEMISPHERE, TipOutline, tip_of
-from sims.contact.wedge import WedgeSolution, solve_wedge
+from optopad.design.spec import Indenter
+from optopad.sims.contact.mesh import radial_mesh
+from optopad.sims.contact.tip import HEMISPHERE, TipOutline, tip_of
+from optopad.sims.contact.wedge import WedgeSolution, solve_wedge
 
 SPACING = 0.15
 POISSON_RATIO = 0.49

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from design.preset import preset
-from design.spec import SensorDesign
-from design.spec.properties import modulus
-from sims.contact.force_curve import band_factors, force_curve
-from sims.contact.indentation import solved_press
+from optopad.design.preset import preset
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.properties import modulus
+from optopad.sims.contact.force_curve import band_factors, force_curve
+from optopad.sims.contact.indentation import solved_press
 
 DEPTH_MM = np.array([0.0, 0.5, 1.0, 2.0, 3.0])
 PAD = preset("piacenza2017-pad")

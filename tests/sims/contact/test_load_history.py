@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from design.press_protocol import load_protocol
-from sims.contact import load_protocol as module
-from sims.contact.load_protocol import StandardLinearSolid, load_history, protocol_path
+from optopad.design.press_protocol import load_protocol
+from optopad.sims.contact import load_protocol as module
+from optopad.sims.contact.load_protocol import StandardLinearSolid, load_history, protocol_path
 
 PAPER = load_protocol("piacenza2017")
 SOLID = StandardLinearSolid(relaxed_share=0.2, time_constant_s=5.0)

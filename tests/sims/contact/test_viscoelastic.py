@@ -9,10 +9,15 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from design.arrays import FloatArray
-from design.errors import InputError
-from design.preset import preset
-from sims.contact.load_protocol import StandardLinearSolid, loop_energy_mj, solid_of, viscoelastic_load_n
+from optopad.design.arrays import FloatArray
+from optopad.design.errors import InputError
+from optopad.design.preset import preset
+from optopad.sims.contact.load_protocol import (
+    StandardLinearSolid,
+    loop_energy_mj,
+    solid_of,
+    viscoelastic_load_n,
+)
 
 SOLID = StandardLinearSolid(relaxed_share=0.3, time_constant_s=2.0)
 EXCESS = 0.3 / 0.7

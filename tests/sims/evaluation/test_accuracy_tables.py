@@ -3,11 +3,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from design.errors import InputError
-from design.preset import preset
-from design.recordings import SetEntry
-from sims.learning.inference.prediction import Prediction
-from sims.learning.tables import (
+from optopad.design.errors import InputError
+from optopad.design.preset import preset
+from optopad.design.recordings import SetEntry
+from optopad.sims.learning.inference.prediction import Prediction
+from optopad.sims.learning.tables import (
     JudgedPresses,
     error_json,
     error_rows,
@@ -17,7 +17,7 @@ from sims.learning.tables import (
     published_touch,
     touch_rows,
 )
-from sims.readings.press_data import PressData
+from optopad.sims.readings.press_data import PressData
 
 DEPTHS_MM = (-0.4, -0.2, 0.0, 0.2, 0.5, 1.0, 2.0)
 PRESSES = 400

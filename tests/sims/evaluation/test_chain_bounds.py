@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import sims.learning.chain_bounds as chain_bounds_module
-from sims.learning.chain_bounds import StageErrors, bounds_under
+import optopad.sims.learning.chain_bounds as chain_bounds_module
+from optopad.sims.learning.chain_bounds import StageErrors, bounds_under
 from tests.sims.learning.made_up_map import (
     COUNT,
     made_up_map_model,
@@ -119,7 +119,7 @@ def test_noise_of_the_trace_is_no_information():
 
 
 def test_a_depth_that_the_trace_cannot_judge_has_no_bound(monkeypatch: pytest.MonkeyPatch):
-    from design.preset import preset
+    from optopad.design.preset import preset
 
     def seen_below_half_a_millimetre(design, press_mm, gains, noise, **_):
         is_deep = press_mm[:, 2] > 0.5

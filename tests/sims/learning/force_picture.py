@@ -10,11 +10,11 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from sims.contact.indentation import solved_press
-from sims.contact.load_protocol import StandardLinearSolid, viscoelastic_load_n
-from sims.learning.force_fit import fit_force
-from sims.learning.press_force import TipPath
-from sims.plots.style import plain_style
+from optopad.sims.contact.indentation import solved_press
+from optopad.sims.contact.load_protocol import StandardLinearSolid, viscoelastic_load_n
+from optopad.sims.learning.force_fit import fit_force
+from optopad.sims.learning.press_force import TipPath
+from optopad.sims.plots.style import plain_style
 from tests.sims.learning.test_force_fit import PAD, TARE_N, pressed
 
 PICTURE = Path(__file__).parents[3] / "docs" / "images" / "force-fit.svg"

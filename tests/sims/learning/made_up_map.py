@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from design.shape.outline import rectangle
-from sims.learning.inference.header import ForceCurve, ModelHeader
-from sims.learning.inference.signal_map import Box, ReadingNoise, SignalMapModel
-from sims.learning.traced_map import SignalMap
+from optopad.design.shape.outline import rectangle
+from optopad.sims.learning.inference.header import ForceCurve, ModelHeader
+from optopad.sims.learning.inference.signal_map import Box, ReadingNoise, SignalMapModel
+from optopad.sims.learning.traced_map import SignalMap
 
 SIDE_MM = 32.0
 COUNT = 8

@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from design.recordings import SetEntry
-from sims.readings.press_data import PressData
+from optopad.design.recordings import SetEntry
+from optopad.sims.readings.press_data import PressData
 from tests.sims.learning.made_up_map import COUNT, EMITTERS, RECEIVERS, made_up_noise
 
 DEPTHS_MM = np.concatenate([[-2.0, -1.5, -1.0, -0.5], np.arange(0.0, 5.01, 0.25)])

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from sims.learning.samples import location_error_mm
-from sims.readings.dataset import PressData, SetEntry
+from optopad.sims.learning.samples import location_error_mm
+from optopad.sims.readings.dataset import PressData, SetEntry
 
 FULL_SCALE = 1023.0
 DIGEST = "cd" * 32

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from sklearn.ensemble import ExtraTreesRegressor
 
-from design.errors import InputError
-from sims.learning.fits.extra_trees import flat_forest
-from sims.learning.fits.touch import sigma_table
-from sims.learning.inference.model_file import load_model, save_model
-from sims.learning.inference.sigma_table import SigmaTable
-from sims.learning.learners import LEARNERS
-from sims.learning.settings import QUICK
+from optopad.design.errors import InputError
+from optopad.sims.learning.fits.extra_trees import flat_forest
+from optopad.sims.learning.fits.touch import sigma_table
+from optopad.sims.learning.inference.model_file import load_model, save_model
+from optopad.sims.learning.inference.sigma_table import SigmaTable
+from optopad.sims.learning.learners import LEARNERS
+from optopad.sims.learning.settings import QUICK
 from tests.sims.learning.pressed_pad import grid_mm, made_up_data, random_places_mm, require_places_found
 
 SMALL = replace(QUICK, fit_samples=500, tree_samples=2_000, trees=15)

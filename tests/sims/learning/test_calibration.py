@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sims.learning.calibration import Fitted, fitted, undetermined
-from sims.learning.calibration_problem import Light, Unknown, calibration_samples
+from optopad.sims.learning.calibration import Fitted, fitted, undetermined
+from optopad.sims.learning.calibration_problem import Light, Unknown, calibration_samples
 from tests.sims.learning.made_up_map import (
     COUNT,
     PAIRS,
@@ -138,7 +138,7 @@ def test_the_samples_are_of_the_way_in_and_spread_over_depth():
 
 
 def test_too_few_presses_are_refused():
-    from design.errors import InputError
+    from optopad.design.errors import InputError
 
     data, _ = made_up_data(lambda at: light(TRUE, at), 3, 2, np.zeros(3))
     with pytest.raises(InputError, match="3 presses"):
@@ -146,7 +146,7 @@ def test_too_few_presses_are_refused():
 
 
 def test_too_few_untouched_frames_are_refused():
-    from design.errors import InputError
+    from optopad.design.errors import InputError
 
     data, _ = made_up_data(lambda at: light(TRUE, at), 6, 2, np.zeros(6))
     with pytest.raises(InputError, match="clear of the pad"):

@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from sims.learning import calibration_problem as problem
-from sims.learning.calibration import fitted
-from sims.learning.calibration_problem import (
+from optopad.sims.learning import calibration_problem as problem
+from optopad.sims.learning.calibration import fitted
+from optopad.sims.learning.calibration_problem import (
     MODEL_SHARE,
     Problem,
     SharedError,

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from design.errors import InputError
-from design.preset import preset
-from sims.contact.indentation import solved_press
-from sims.contact.load_protocol import StandardLinearSolid, viscoelastic_load_n
-from sims.learning.force_checks import band_mpa, modulus_notes, tare_notes
-from sims.learning.force_fit import ForceFit, fit_force
-from sims.learning.press_force import TipPath, press_windows, spans
+from optopad.design.errors import InputError
+from optopad.design.preset import preset
+from optopad.sims.contact.indentation import solved_press
+from optopad.sims.contact.load_protocol import StandardLinearSolid, viscoelastic_load_n
+from optopad.sims.learning.force_checks import band_mpa, modulus_notes, tare_notes
+from optopad.sims.learning.force_fit import ForceFit, fit_force
+from optopad.sims.learning.press_force import TipPath, press_windows, spans
 
 PAD = preset("piacenza2017-pad")
 ELASTIC = StandardLinearSolid(relaxed_share=0.0, time_constant_s=1.0)

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from design.preset import preset
-from design.press_protocol import protocol_from
-from design.shape.cavity import cavity_of
-from sims.learning.calibration import calibrated
-from sims.learning.calibration_problem import unknowns_of, with_values
-from sims.optics.tracing import trace
-from sims.readings.protocol import draw, protocol_curves
-from sims.readings.signal_chain import chain_of
+from optopad.design.preset import preset
+from optopad.design.press_protocol import protocol_from
+from optopad.design.shape.cavity import cavity_of
+from optopad.sims.learning.calibration import calibrated
+from optopad.sims.learning.calibration_problem import unknowns_of, with_values
+from optopad.sims.optics.tracing import trace
+from optopad.sims.readings.protocol import draw, protocol_curves
+from optopad.sims.readings.signal_chain import chain_of
 
 FITTED = ("emitters.height_mm", "receivers.height_mm")
 PROTOCOL = protocol_from(

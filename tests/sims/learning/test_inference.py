@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from design.errors import InputError
-from sims.learning.inference.kernel_ridge import l1_distances
+from optopad.design.errors import InputError
+from optopad.sims.learning.inference.kernel_ridge import l1_distances
 from tests.sims.learning.made_up_models import made_up_kernel_ridge, made_up_signals
 
 ROOT = Path(__file__).parents[3]
@@ -20,21 +20,25 @@ INFERENCE = ROOT / "sims" / "learning" / "inference"
 
 def test_inference_loads_numpy_and_the_standard_library_only():
     files = (path.relative_to(ROOT).with_suffix("") for path in INFERENCE.rglob("[!_]*.py"))
-    modules = sorted(".".join(file.parts) for file in files)
+    modules = sorted(".".join(("optopad", *file.parts)) for file in files)
     program = (
         f"import importlib, json, sys\nbefore = set(sys.modules)\n"
         f"for name in {modules}: importlib.import_module(name)\n"
         "print(json.dumps(sorted({name.partition('.')[0] for name in set(sys.modules) - before})))\n"
-        "print(json.dumps(sorted(n for n in sys.modules if n.split('.')[0] in ('sims', 'design'))))"
+        "print(json.dumps(sorted(n for n in sys.modules if n.split('.')[0] == 'optopad')))"
     )
     done = subprocess.run(
         [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True
     )
     loaded, ours = (json.loads(line) for line in done.stdout.splitlines())
-    assert set(loaded) - set(sys.stdlib_module_names) == {"numpy", "sims", "design"}
-    inside = [name for name in ours if name.startswith("sims.learning.inference")]
-    of_design = {f"design.{name}" for name in ("arrays", "errors", "file_sets", "files", "plain_arrays")}
-    assert set(ours) - set(inside) == of_design | {"design", "sims", "sims.learning"}
+    assert set(loaded) - set(sys.stdlib_module_names) == {"numpy", "optopad"}
+    inside = [name for name in ours if name.startswith("optopad.sims.learning.inference")]
+    of_design = {
+        f"optopad.design.{name}" for name in ("arrays", "errors", "file_sets", "files", "plain_arrays")
+    }
+    doors = {"optopad", "optopad.design", "optopad.sims", "optopad.sims.learning"}
+    front = {"optopad.api", "optopad.design.progress"}  # what `import optopad` loads
+    assert set(ours) - set(inside) == of_design | doors | front
 
 
 def test_kernel_ridge_is_the_sum_that_its_docstring_writes():

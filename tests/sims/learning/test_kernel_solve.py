@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from sklearn.kernel_ridge import KernelRidge
 
-from design.errors import InputError
-from sims.learning.fits.kernel_ridge import BLOCK_ROWS, kernel_matrix, solved
+from optopad.design.errors import InputError
+from optopad.sims.learning.fits.kernel_ridge import BLOCK_ROWS, kernel_matrix, solved
 
 GAMMA, RIDGE = 0.02, 0.1
 

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from design.errors import InputError
-from design.preset import preset
-from sims.learning.inference.model_file import load_model, save_model
-from sims.learning.map_learner import fit_signal_map, fitted_gains, untouched_of
-from sims.learning.traced_map import MapError, map_nodes
+from optopad.design.errors import InputError
+from optopad.design.preset import preset
+from optopad.sims.learning.inference.model_file import load_model, save_model
+from optopad.sims.learning.map_learner import fit_signal_map, fitted_gains, untouched_of
+from optopad.sims.learning.traced_map import MapError, map_nodes
 from tests.sims.learning.made_up_map import (
     COUNT,
     made_up_map_model,

@@ -13,13 +13,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from design.errors import InputError, OutputError
-from design.plain_arrays import plain_arrays
-from fabrication.stage.collection import CollectedParts
-from sims.contact.library.stored_press import read_entry
-from sims.learning.inference import model_file
-from sims.learning.inference.header import header_of_json, require_design
-from sims.learning.inference.model_file import load_model, save_model
+from optopad.design.errors import InputError, OutputError
+from optopad.design.plain_arrays import plain_arrays
+from optopad.fabrication.stage.collection import CollectedParts
+from optopad.sims.contact.library.stored_press import read_entry
+from optopad.sims.learning.inference import model_file
+from optopad.sims.learning.inference.header import header_of_json, require_design
+from optopad.sims.learning.inference.model_file import load_model, save_model
 from tests.sims.learning.made_up_models import (
     DIGEST,
     made_up_header,
@@ -235,7 +235,7 @@ def zeros(archive: zipfile.ZipFile, count: int, said: int) -> None:
 def test_every_reader_of_arrays_checks_sizes_before_it_unpacks(
     tmp_path, monkeypatch, reader, packed, count, said
 ):
-    monkeypatch.setattr("sims.contact.library.stored_press.cache_folder", lambda: tmp_path)
+    monkeypatch.setattr("optopad.sims.contact.library.stored_press.cache_folder", lambda: tmp_path)
     with zipfile.ZipFile(tmp_path / "bomb", "w", packed) as archive:
         zeros(archive, count, said)
     tracemalloc.start()

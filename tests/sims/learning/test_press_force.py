@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sims.contact.load_protocol import StandardLinearSolid, viscoelastic_load_n
-from sims.learning.press_force import (
+from optopad.sims.contact.load_protocol import StandardLinearSolid, viscoelastic_load_n
+from optopad.sims.learning.press_force import (
     EXCESS,
     LOG_TIME,
     TABLE_MM,

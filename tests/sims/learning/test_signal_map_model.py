@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from design.errors import InputError
-from sims.learning.inference.model_file import load_model, save_model
-from sims.learning.inference.signal_map import SignalMapModel, fitted_spline, whitening
+from optopad.design.errors import InputError
+from optopad.sims.learning.inference.model_file import load_model, save_model
+from optopad.sims.learning.inference.signal_map import SignalMapModel, fitted_spline, whitening
 from tests.sims.learning.made_up_map import (
     COUNT,
     PAIRS,
@@ -163,7 +163,7 @@ def test_a_saved_model_answers_alike(model: SignalMapModel, tmp_path: Path):
     ],
 )
 def test_arrays_that_do_not_fit_are_refused(model: SignalMapModel, name: str, bad: np.ndarray, message: str):
-    from sims.learning.inference.model_file import KINDS
+    from optopad.sims.learning.inference.model_file import KINDS
 
     with pytest.raises(InputError, match=message):
         KINDS["signal-map"](model.header, dict(model.arrays()) | {name: bad})

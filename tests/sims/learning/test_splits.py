@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from design.errors import InputError
-from sims.learning.samples import held_out, prepared, spread_samples
+from optopad.design.errors import InputError
+from optopad.sims.learning.samples import held_out, prepared, spread_samples
 from tests.sims.learning.pressed_pad import grid_mm, made_up_data
 
 

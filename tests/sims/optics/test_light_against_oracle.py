@@ -17,9 +17,9 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from design.arrays import BoolArray, FloatArray
-from sims.optics.engine.trace_states import CLASS_NAMES, trace_scene
-from sims.optics.oracle.tracer import CLASSES, trace_oracle
+from optopad.design.arrays import BoolArray, FloatArray
+from optopad.sims.optics.engine.trace_states import CLASS_NAMES, trace_scene
+from optopad.sims.optics.oracle.tracer import CLASSES, trace_oracle
 from tests.sims.optics.oracle.oracle_scenes import dimple, ring_scene, shank_press
 
 STATES = {

@@ -9,8 +9,8 @@ from time import process_time
 import numpy as np
 import pytest
 
-from sims.optics.engine.trace_states import ACCURACIES, CLASS_NAMES, trace_scene
-from sims.optics.oracle.tracer import trace_oracle
+from optopad.sims.optics.engine.trace_states import ACCURACIES, CLASS_NAMES, trace_scene
+from optopad.sims.optics.oracle.tracer import trace_oracle
 from tests.sims.optics.oracle.oracle_scenes import dimple, ring_scene, scene_of
 from tests.sims.optics.surface.analytic import compact_dimple
 

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from design.parts.catalog import Part, packaged
-from design.preset import FLAT_PRESETS, PRESETS, preset
-from design.spec.properties import emitter_order
-from sims.optics.engine.trace_states import ACCURACIES, CLASS_NAMES, Accuracy, trace_scene
-from sims.optics.scene.lower import scene_of
-from sims.optics.scene.optical_scene import response_nodes, table_pattern
-from sims.optics.tracing import pressed_tops
+from optopad.design.parts.catalog import Part, packaged
+from optopad.design.preset import FLAT_PRESETS, PRESETS, preset
+from optopad.design.spec.properties import emitter_order
+from optopad.sims.optics.engine.trace_states import ACCURACIES, CLASS_NAMES, Accuracy, trace_scene
+from optopad.sims.optics.scene.lower import scene_of
+from optopad.sims.optics.scene.optical_scene import response_nodes, table_pattern
+from optopad.sims.optics.tracing import pressed_tops
 from tests.design.parts.own_parts import SHEET, own_part, quantity
 from tests.sims.optics.form_factors import parallel_factor, perpendicular_factor
 

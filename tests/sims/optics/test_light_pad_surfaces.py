@@ -7,15 +7,15 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import pytest
 
-from design.errors import ModelScopeError
-from design.preset import FLAT_PRESETS, preset
-from design.shape.cavity import cavity_of
-from sims.contact.pad_surface import pad_surface
-from sims.optics import tracing
-from sims.optics.engine.trace_states import trace_scene
-from sims.optics.scene.lower import scene_of
-from sims.optics.scene.symmetry import symmetries_of
-from sims.optics.tracing import pressed_tops, trace
+from optopad.design.errors import ModelScopeError
+from optopad.design.preset import FLAT_PRESETS, preset
+from optopad.design.shape.cavity import cavity_of
+from optopad.sims.contact.pad_surface import pad_surface
+from optopad.sims.optics import tracing
+from optopad.sims.optics.engine.trace_states import trace_scene
+from optopad.sims.optics.scene.lower import scene_of
+from optopad.sims.optics.scene.symmetry import symmetries_of
+from optopad.sims.optics.tracing import pressed_tops, trace
 
 PAD = preset("piacenza2017-pad")
 ROUND = np.array([[7.0, 9.0, 2.0], [23.0, 7.0, 2.0], [25.0, 23.0, 2.0], [9.0, 25.0, 2.0]])

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from design.errors import InputError, ModelScopeError
-from design.preset import preset
-from sims.optics.engine.trace_states import Accuracy, accuracy_of, trace_scene
-from sims.optics.tracing import trace
-from sims.press import Indentation
+from optopad.design.errors import InputError, ModelScopeError
+from optopad.design.preset import preset
+from optopad.sims.optics.engine.trace_states import Accuracy, accuracy_of, trace_scene
+from optopad.sims.optics.tracing import trace
+from optopad.sims.press import Indentation
 from tests.sims.optics.oracle.oracle_scenes import scene_of
 from tests.sims.optics.surface.analytic import compact_dimple
 

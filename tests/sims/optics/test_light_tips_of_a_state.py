@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from design.errors import InputError
-from design.preset import preset
-from sims.optics import tracing
-from sims.optics.engine.trace_states import CLASS_NAMES, RawLight
+from optopad.design.errors import InputError
+from optopad.design.preset import preset
+from optopad.sims.optics import tracing
+from optopad.sims.optics.engine.trace_states import CLASS_NAMES, RawLight
 from tests.sims.optics.surface.analytic import compact_dimple
 
 PAD = preset("piacenza2017-pad")

@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from design.preset import preset
-from design.shape.cavity import cavity_of, plan_of
-from design.spec import SensorDesign
-from sims.bounds.detection_threshold import DetectionThreshold
-from sims.bounds.observability import PadBounds
-from sims.press import Indentation
-from sims.verdict.pad_map import PadMap, grid_inside
+from optopad.design.preset import preset
+from optopad.design.shape.cavity import cavity_of, plan_of
+from optopad.design.spec import SensorDesign
+from optopad.sims.bounds.detection_threshold import DetectionThreshold
+from optopad.sims.bounds.observability import PadBounds
+from optopad.sims.press import Indentation
+from optopad.sims.verdict.pad_map import PadMap, grid_inside
 from tests.sims.made_up_bounds import made_up_bounds
 from tests.sims.made_up_scores import made_up_map
 

@@ -13,13 +13,13 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
 
-from design.preset import preset
-from design.press_protocol import load_protocol
-from design.shape.cavity import cavity_of
-from design.spec.properties import modulus
-from sims.contact.load_protocol import LoadHistory, StandardLinearSolid, load_history
-from sims.contact.pressure import ContactPressure
-from sims.plots.contact import (
+from optopad.design.preset import preset
+from optopad.design.press_protocol import load_protocol
+from optopad.design.shape.cavity import cavity_of
+from optopad.design.spec.properties import modulus
+from optopad.sims.contact.load_protocol import LoadHistory, StandardLinearSolid, load_history
+from optopad.sims.contact.pressure import ContactPressure
+from optopad.sims.plots.contact import (
     plot_contact_radius,
     plot_force,
     plot_load_over_time,
@@ -27,11 +27,11 @@ from sims.plots.contact import (
     plot_pressure,
     plot_profile,
 )
-from sims.plots.maps import plot_deadband_map, plot_margin_map
-from sims.plots.signal import plot_signal
-from sims.plots.style import plain_style, plot_spans, svg_text
-from sims.plots.tolerance import plot_gap_tolerance, plot_tolerance
-from sims.press import Indentation
+from optopad.sims.plots.maps import plot_deadband_map, plot_margin_map
+from optopad.sims.plots.signal import plot_signal
+from optopad.sims.plots.style import plain_style, plot_spans, svg_text
+from optopad.sims.plots.tolerance import plot_gap_tolerance, plot_tolerance
+from optopad.sims.press import Indentation
 from tests.sims.made_up_scores import (
     dead_score,
     made_up_band,
@@ -259,8 +259,10 @@ def test_svg_is_the_same_each_time_and_holds_text_but_no_date():
 
 @pytest.mark.slow
 def test_no_display_and_no_global_figures_are_needed():
-    modules = "sims.plots.maps, sims.plots.signal, sims.plots.contact, sims.plots.tolerance"
-    program = f"import sys, {modules}; print('matplotlib.pyplot' in sys.modules)"
+    program = (
+        "import sys; from optopad.sims.plots import contact, maps, signal, tolerance; "
+        "print('matplotlib.pyplot' in sys.modules)"
+    )
     root = Path(__file__).parents[3]
     found = subprocess.run(
         [sys.executable, "-c", program], cwd=root, capture_output=True, text=True, check=True

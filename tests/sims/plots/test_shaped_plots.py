@@ -9,16 +9,16 @@ import pytest
 from matplotlib.collections import QuadMesh
 from matplotlib.patches import Polygon
 
-from design.shape.cavity import cavity_of, edge_mm, outline_mm
-from sims.plots.contact import CutPlane, cut_tip_mm, cut_top_mm, plot_profile, press_frame
-from sims.plots.maps import (
+from optopad.design.shape.cavity import cavity_of, edge_mm, outline_mm
+from optopad.sims.plots.contact import CutPlane, cut_tip_mm, cut_top_mm, plot_profile, press_frame
+from optopad.sims.plots.maps import (
     plot_bound_sheet,
     plot_deadband_map,
     plot_detection_map,
     plot_margin_map,
     plot_usable_map,
 )
-from sims.plots.rays import cut_across, cut_through
+from optopad.sims.plots.rays import cut_across, cut_through
 from tests.sims.plots.shaped_pads import BENT, DISC, DOME, made_up_press, shaped_bounds, shaped_map
 
 FLAT_MM = 0.02

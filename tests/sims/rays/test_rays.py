@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from matplotlib.collections import LineCollection
 
-from design.preset import preset
-from design.shape.cavity import cavity_of
-from sims.optics.engine.trace_states import CLASS_NAMES
-from sims.optics.oracle.paths import LightPath
-from sims.optics.oracle.walk import FATES
-from sims.plots.ray_sheet import ray_sheet
-from sims.plots.rays import (
+from optopad.design.preset import preset
+from optopad.design.shape.cavity import cavity_of
+from optopad.sims.optics.engine.trace_states import CLASS_NAMES
+from optopad.sims.optics.oracle.paths import LightPath
+from optopad.sims.optics.oracle.walk import FATES
+from optopad.sims.plots.ray_sheet import ray_sheet
+from optopad.sims.plots.rays import (
     Cut,
     cut_across,
     cut_of_pair,
@@ -20,9 +20,9 @@ from sims.plots.rays import (
     plot_ray_plan,
     plot_ray_section,
 )
-from sims.plots.style import plain_style, svg_text
-from sims.press import Indentation
-from sims.rays import FEWEST, KINDS, LOST, RayChoice, RayState, kind_of, ray_states
+from optopad.sims.plots.style import plain_style, svg_text
+from optopad.sims.press import Indentation
+from optopad.sims.rays import FEWEST, KINDS, LOST, RayChoice, RayState, kind_of, ray_states
 
 DESIGN = preset("piacenza2017-pair")
 CAVITY = cavity_of(DESIGN)

@@ -7,10 +7,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from design.shape.cavity import cavity_of
-from sims.plots.contact import press_frame
-from sims.plots.rays import cut_of_pair, plot_ray_plan, plot_ray_section
-from sims.rays import RayChoice, RayState, ray_states
+from optopad.design.shape.cavity import cavity_of
+from optopad.sims.plots.contact import press_frame
+from optopad.sims.plots.rays import cut_of_pair, plot_ray_plan, plot_ray_section
+from optopad.sims.rays import RayChoice, RayState, ray_states
 from tests.sims.plots.shaped_pads import DOME, made_up_press
 
 PAIR = (0, 3)
@@ -22,9 +22,9 @@ CAVITY = cavity_of(DOME)
 def states() -> tuple[RayState, ...]:
     """The dome untouched and under a made-up press; powers are made up, paths are those of the tracer."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("sims.contact.indent", made_up_press)
+        patch.setattr("optopad.sims.contact.indent", made_up_press)
         power = SimpleNamespace(by_class={"direct": np.ones((2, 6, 6)), "top": np.ones((2, 6, 6))})
-        patch.setattr("sims.rays._light", lambda *_: power)
+        patch.setattr("optopad.sims.rays._light", lambda *_: power)
         choice = RayChoice(pairs=(PAIR,), count=8, pool_per_path=2, most_rays=200_000, seed=3)
         return ray_states(DOME, choice, [(*AT_MM, 1.0)])
 

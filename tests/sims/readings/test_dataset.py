@@ -18,11 +18,11 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from design.errors import InputError, OutputError
-from design.preset import preset
 from optopad.cli import main
-from sims.learning.samples import prepared
-from sims.readings.dataset import (
+from optopad.design.errors import InputError, OutputError
+from optopad.design.preset import preset
+from optopad.sims.learning.samples import prepared
+from optopad.sims.readings.dataset import (
     DataWriter,
     PressData,
     SetEntry,
@@ -34,8 +34,8 @@ from sims.readings.dataset import (
     require_design,
     save_data,
 )
-from sims.readings.label_checks import require_no_fill_values, require_possible_readings
-from sims.readings.recording import read_recording
+from optopad.sims.readings.label_checks import require_no_fill_values, require_possible_readings
+from optopad.sims.readings.recording import read_recording
 from tests.said import pattern
 
 SETS = (
@@ -170,7 +170,7 @@ import os, signal, sys
 from pathlib import Path
 sys.path[:0] = {path!r}
 from tests_of_data import made_up, one_press
-from sims.readings.dataset import DataWriter, header_of
+from optopad.sims.readings.dataset import DataWriter, header_of
 data = made_up()
 writer = DataWriter(Path({file!r}), header_of(data))
 writer.add(one_press(data, 0, 0))

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from design.errors import InputError
-from design.preset import PRESETS, preset
 from optopad.cli import main
-from sims.readings.dataset import PressData, data_notes, read_data, save_data
-from sims.readings.label_checks import require_true_labels
-from sims.readings.recording import read_recording
+from optopad.design.errors import InputError
+from optopad.design.preset import PRESETS, preset
+from optopad.sims.readings.dataset import PressData, data_notes, read_data, save_data
+from optopad.sims.readings.label_checks import require_true_labels
+from optopad.sims.readings.recording import read_recording
 from tests.sims.learning.pressed_pad import field_counts, grid_mm, made_up_data
 
 PAD = preset("piacenza2017-pad")

@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from design.errors import InputError, ModelScopeError
-from design.preset import preset
-from sims.readings.press_data import (
+from optopad.design.errors import InputError, ModelScopeError
+from optopad.design.preset import preset
+from optopad.sims.readings.press_data import (
     BEYOND_MM,
     KNOTS_MM,
     PressCurves,
     knots_mm,
     traced_curves,
 )
-from sims.readings.readout import readout_of
+from optopad.sims.readings.readout import readout_of
 
 DEPTH_MM = np.array(KNOTS_MM)
 

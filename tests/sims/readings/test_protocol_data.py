@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from design.errors import InputError
-from design.preset import preset
-from design.press_protocol import PressProtocol, protocol_from
-from sims.readings.press_data import KNOTS_MM, PressCurves
-from sims.readings.protocol import ProtocolCurves, draw, drawn_presses, untouched_readout
-from sims.readings.signal_chain import chain_of, without_noise
+from optopad.design.errors import InputError
+from optopad.design.preset import preset
+from optopad.design.press_protocol import PressProtocol, protocol_from
+from optopad.sims.readings.press_data import KNOTS_MM, PressCurves
+from optopad.sims.readings.protocol import ProtocolCurves, draw, drawn_presses, untouched_readout
+from optopad.sims.readings.signal_chain import chain_of, without_noise
 
 PAD = preset("piacenza2017-pad")
 PROTOCOL = protocol_from(

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from design.circuit.transimpedance import fitted_counts_per_flux
-from design.errors import ModelScopeError
-from design.preset import preset
-from sims.readings.readout import HEADROOM, Readout, readout_of
+from optopad.design.circuit.transimpedance import fitted_counts_per_flux
+from optopad.design.errors import ModelScopeError
+from optopad.design.preset import preset
+from optopad.sims.readings.readout import HEADROOM, Readout, readout_of
 
 PAIR = preset("piacenza2017-pair")
 FLUX = np.array([[1e-3, 2e-3, 4e-3], [2e-3, 4e-3, 8e-3], [4e-3, 8e-3, 16e-3]])

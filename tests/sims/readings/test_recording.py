@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from design.errors import InputError
-from design.preset import preset
 from optopad.cli import main
-from sims.learning import recorded_press as laying
-from sims.learning.recorded_press import recorded_press
-from sims.press import depth_schedule_mm
-from sims.readings.recording import read_recording
+from optopad.design.errors import InputError
+from optopad.design.preset import preset
+from optopad.sims.learning import recorded_press as laying
+from optopad.sims.learning.recorded_press import recorded_press
+from optopad.sims.press import depth_schedule_mm
+from optopad.sims.readings.recording import read_recording
 from tests.said import pattern
 from tests.sims.made_up_scores import made_up_pair
 

@@ -7,18 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from design.errors import DesignError, ModelScopeError, OptopadError
-from design.preset import FLAT_PRESETS, preset
-from design.shape.cavity import beside_chord, cavity_of, judged_pairs, pair_name
-from design.spec import SensorDesign
-from sims.bounds.observability import pad_bounds
-from sims.contact.indentation import round_press, solved_press
-from sims.score import judge as map_judging
-from sims.score.judge import SETTINGS
-from sims.score.objective import curves_under, draft_score, pairs_under, with_draft_bounds
-from sims.score.result import ContinuityScore
-from sims.score.scoring import score
-from sims.verdict.depth_curve import DEADBAND_THRESHOLD
+from optopad.design.errors import DesignError, ModelScopeError, OptopadError
+from optopad.design.preset import FLAT_PRESETS, preset
+from optopad.design.shape.cavity import beside_chord, cavity_of, judged_pairs, pair_name
+from optopad.design.spec import SensorDesign
+from optopad.sims.bounds.observability import pad_bounds
+from optopad.sims.contact.indentation import round_press, solved_press
+from optopad.sims.score import judge as map_judging
+from optopad.sims.score.judge import SETTINGS
+from optopad.sims.score.objective import curves_under, draft_score, pairs_under, with_draft_bounds
+from optopad.sims.score.result import ContinuityScore
+from optopad.sims.score.scoring import score
+from optopad.sims.verdict.depth_curve import DEADBAND_THRESHOLD
 
 PAD, PAIR = "piacenza2017-pad", "piacenza2017-pair"
 MIDDLE = {PAD: (16.0, 16.0), PAIR: (10.0, 10.0)}

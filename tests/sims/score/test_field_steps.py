@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from design.preset import preset
-from sims.score.field_steps import STEPS, stepped_fields, with_field_steps
-from sims.score.scoring import score
-from sims.verdict.tolerance import AMPLE_MARGIN, Effect, FieldStep, FieldSteps
+from optopad.design.preset import preset
+from optopad.sims.score.field_steps import STEPS, stepped_fields, with_field_steps
+from optopad.sims.score.scoring import score
+from optopad.sims.verdict.tolerance import AMPLE_MARGIN, Effect, FieldStep, FieldSteps
 from tests.sims.made_up_scores import out_of_scope_score
 
 PAIR, PAD = preset("piacenza2017-pair"), preset("piacenza2017-pad")

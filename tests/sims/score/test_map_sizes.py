@@ -2,11 +2,11 @@
 
 import pytest
 
-import sims.score.judge as stages
-from design.preset import preset
-from sims.optics.accuracy import ACCURACIES
-from sims.score.judge import Judge
-from sims.verdict.presses import MAP_ACCURACY
+import optopad.sims.score.judge as stages
+from optopad.design.preset import preset
+from optopad.sims.optics.accuracy import ACCURACIES
+from optopad.sims.score.judge import Judge
+from optopad.sims.verdict.presses import MAP_ACCURACY
 
 PAD = preset("piacenza2017-pad")
 

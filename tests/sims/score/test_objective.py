@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import pytest
 
-from design.errors import DesignError
-from design.preset import preset
-from design.search.improve import Limit
-from sims.score import judge as stages
-from sims.score.objective import judge
-from sims.score.scoring import score
-from sims.verdict import presses
+from optopad.design.errors import DesignError
+from optopad.design.preset import preset
+from optopad.design.search.improve import Limit
+from optopad.sims.score import judge as stages
+from optopad.sims.score.objective import judge
+from optopad.sims.score.scoring import score
+from optopad.sims.verdict import presses
 
 PAIR = preset("piacenza2017-pair")
 PAD = preset("piacenza2017-pad")

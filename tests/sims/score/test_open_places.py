@@ -9,17 +9,23 @@ from typing import Any
 import numpy as np
 import pytest
 
-import sims.score.judge as judging
-import sims.score.judge as stages
-from design.preset import preset
-from design.shape.cavity import cavity_of, direct_path_pairs
-from sims.optics.light_signals import LightSignals
-from sims.readings.readout import readout_of
-from sims.score.judge import Judge
-from sims.score.result import margin_caution
-from sims.score.scoring import score
-from sims.verdict.pad_map import PadMap
-from sims.verdict.presses import DOUBT_ACCURACIES, MAP_ACCURACY, MOST_TRACED_AGAIN, SECOND_SEED, pair_curves
+import optopad.sims.score.judge as judging
+import optopad.sims.score.judge as stages
+from optopad.design.preset import preset
+from optopad.design.shape.cavity import cavity_of, direct_path_pairs
+from optopad.sims.optics.light_signals import LightSignals
+from optopad.sims.readings.readout import readout_of
+from optopad.sims.score.judge import Judge
+from optopad.sims.score.result import margin_caution
+from optopad.sims.score.scoring import score
+from optopad.sims.verdict.pad_map import PadMap
+from optopad.sims.verdict.presses import (
+    DOUBT_ACCURACIES,
+    MAP_ACCURACY,
+    MOST_TRACED_AGAIN,
+    SECOND_SEED,
+    pair_curves,
+)
 from tests.sims.made_up_scores import made_up_depths, made_up_map
 
 PAD = preset("piacenza2017-pad")

@@ -6,11 +6,11 @@ import re
 
 import pytest
 
-from design.preset import preset
-from sims.bounds.observability import MANY_PAIRS_BOUNDS
-from sims.contact.indentation import force_in_advance, solved_press, wall_findings
-from sims.score.judge import MANY_PAIRS, SETTINGS
-from sims.score.scoring import score, score_cost
+from optopad.design.preset import preset
+from optopad.sims.bounds.observability import MANY_PAIRS_BOUNDS
+from optopad.sims.contact.indentation import force_in_advance, solved_press, wall_findings
+from optopad.sims.score.judge import MANY_PAIRS, SETTINGS
+from optopad.sims.score.scoring import score, score_cost
 
 
 def test_a_press_that_the_library_does_not_have_costs_minutes() -> None:

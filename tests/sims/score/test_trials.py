@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import pytest
 
-from design.preset import preset
-from sims.score import trials
-from sims.score.scoring import score
-from sims.score.trials import ENOUGH_MARGIN, MOST_BRIEFS, with_trial
-from sims.verdict.builds import Brief
-from sims.verdict.causes import Cause
+from optopad.design.preset import preset
+from optopad.sims.score import trials
+from optopad.sims.score.scoring import score
+from optopad.sims.score.trials import ENOUGH_MARGIN, MOST_BRIEFS, with_trial
+from optopad.sims.verdict.builds import Brief
+from optopad.sims.verdict.causes import Cause
 from tests.sims.made_up_scores import contiguous_score, dead_score, out_of_scope_score
 
 PAD, PAIR = preset("piacenza2017-pad"), preset("piacenza2017-pair")

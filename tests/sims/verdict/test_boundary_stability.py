@@ -2,12 +2,12 @@
 
 import pytest
 
-from design.preset import preset
-from design.shape.cavity import cavity_of, judged_pairs, mask_of
-from sims.press import depth_schedule_mm
-from sims.readings.readout import readout_of
-from sims.verdict.builds import score_curves
-from sims.verdict.presses import pair_curves, untouched_flux
+from optopad.design.preset import preset
+from optopad.design.shape.cavity import cavity_of, judged_pairs, mask_of
+from optopad.sims.press import depth_schedule_mm
+from optopad.sims.readings.readout import readout_of
+from optopad.sims.verdict.builds import score_curves
+from optopad.sims.verdict.presses import pair_curves, untouched_flux
 
 BOUNDARY_MM = 0.05
 DEADBAND_MM = 0.15

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from design.errors import InputError, ModelScopeError
-from design.preset import preset
-from design.spec.tolerances import build_tolerances
-from sims.plots.builds import plot_builds
-from sims.verdict.builds import Brief, build_study, drawn_values, facing_brief, remembered
+from optopad.design.errors import InputError, ModelScopeError
+from optopad.design.preset import preset
+from optopad.design.spec.tolerances import build_tolerances
+from optopad.sims.plots.builds import plot_builds
+from optopad.sims.verdict.builds import Brief, build_study, drawn_values, facing_brief, remembered
 from tests.sims.made_up_scores import made_up_band
 
 PAIR = preset("piacenza2017-pair")

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from design.errors import InputError
-from sims.verdict.depth_curve import counts_of_noise_units, noise_units
-from sims.verdict.pair_score import (
+from optopad.design.errors import InputError
+from optopad.sims.verdict.depth_curve import counts_of_noise_units, noise_units
+from optopad.sims.verdict.pair_score import (
     continuity,
     deadband_intervals_mm,
     evenness,

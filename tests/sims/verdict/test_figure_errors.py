@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from design.preset import preset
-from sims.press import depth_schedule_mm
-from sims.readings.readout import Readout
-from sims.verdict.builds import score_curves
-from sims.verdict.figure_errors import DRAWS, FIGURES, drawn_figures, figure_errors, figures_of
-from sims.verdict.presses import PairCurves
+from optopad.design.preset import preset
+from optopad.sims.press import depth_schedule_mm
+from optopad.sims.readings.readout import Readout
+from optopad.sims.verdict.builds import score_curves
+from optopad.sims.verdict.figure_errors import DRAWS, FIGURES, drawn_figures, figure_errors, figures_of
+from optopad.sims.verdict.presses import PairCurves
 
 DESIGN = preset("piacenza2017-pair")
 DEPTH_MM = depth_schedule_mm(5.0)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sims.verdict.depth_curve import clipped, noise_units
-from sims.verdict.pad_map import DepthReading, Frames, read_depths
-from sims.verdict.pair_score import deadband_intervals_mm
+from optopad.sims.verdict.depth_curve import clipped, noise_units
+from optopad.sims.verdict.pad_map import DepthReading, Frames, read_depths
+from optopad.sims.verdict.pair_score import deadband_intervals_mm
 
 DEPTH = np.arange(0.0, 5.0001, 0.1)
 

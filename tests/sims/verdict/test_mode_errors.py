@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sims.verdict.figure_errors import mode_errors_mm
-from sims.verdict.pair_score import find_modes
+from optopad.sims.verdict.figure_errors import mode_errors_mm
+from optopad.sims.verdict.pair_score import find_modes
 from tests.sims.made_up_scores import made_up_pair
 
 

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from design.errors import InputError
-from sims.verdict.pair_score import find_modes
+from optopad.design.errors import InputError
+from optopad.sims.verdict.pair_score import find_modes
 
 PROPERTY = settings(max_examples=60, deadline=None, derandomize=True)
 ROUNDING_MM = 1e-12

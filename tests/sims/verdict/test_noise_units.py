@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from design.errors import InputError
-from sims.verdict.depth_curve import counts_of_noise_units, noise_units, sigma_counts
+from optopad.design.errors import InputError
+from optopad.sims.verdict.depth_curve import counts_of_noise_units, noise_units, sigma_counts
 
 PROPERTY = settings(max_examples=80, deadline=None, derandomize=True)
 ROUNDING = 1e-12  # some hundred ulps: the functions are a handful of operations

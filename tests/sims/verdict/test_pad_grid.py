@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from design.preset import PRESETS, SHAPED_PRESETS, preset
-from design.shape.cavity import cavity_of
-from design.shape.outline import disc, rectangle
-from fabrication.driver.simulated.press_table import table_of
-from sims.verdict.pad_map import grid_inside, grid_places_mm, map_grid_mm, on_grid
+from optopad.design.preset import PRESETS, SHAPED_PRESETS, preset
+from optopad.design.shape.cavity import cavity_of
+from optopad.design.shape.outline import disc, rectangle
+from optopad.fabrication.driver.simulated.press_table import table_of
+from optopad.sims.verdict.pad_map import grid_inside, grid_places_mm, map_grid_mm, on_grid
 
 DISC = disc((2.0, 2.0, 12.0, 12.0))
 

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from design.errors import InputError
-from sims.verdict.depth_curve import (
+from optopad.design.errors import InputError
+from optopad.sims.verdict.depth_curve import (
     clipped,
     noise_margin,
     noise_units,
@@ -18,7 +18,7 @@ from sims.verdict.depth_curve import (
     trace_noise_warning,
     widened_threshold,
 )
-from sims.verdict.pair_score import score_pair, total_length_mm
+from optopad.sims.verdict.pair_score import score_pair, total_length_mm
 from tests.said import says
 
 PROPERTY = settings(max_examples=50, deadline=None, derandomize=True)

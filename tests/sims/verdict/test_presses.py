@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from design.preset import preset
-from design.shape.cavity import cavity_of, chord_midpoint_mm, judged_pairs, mask_of
-from sims.optics.tracing import trace
-from sims.verdict.presses import (
+from optopad.design.preset import preset
+from optopad.design.shape.cavity import cavity_of, chord_midpoint_mm, judged_pairs, mask_of
+from optopad.sims.optics.tracing import trace
+from optopad.sims.verdict.presses import (
     MAP_ACCURACY,
     NEAR_ACCURACY,
     map_depths_mm,

@@ -18,8 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from design.arrays import FloatArray
-from sims.press import Indentation
+from optopad.design.arrays import FloatArray
+from optopad.sims.press import Indentation
 from tests.validation.contact.contact_reference import ReferenceState, contact_edge, sampled_curve
 
 NEAR_RADIUS = 3.0

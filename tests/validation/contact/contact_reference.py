@@ -21,7 +21,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from design.arrays import FloatArray
+from optopad.design.arrays import FloatArray
 from tests.validation.elements.layer_mesh import Grading
 from tests.validation.elements.press_oracle import Press
 from tests.validation.elements.tip_outlines import sphere_tip

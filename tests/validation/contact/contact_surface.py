@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csc_matrix
 
-from design.arrays import FloatArray, IntArray
+from optopad.design.arrays import FloatArray, IntArray
 from tests.validation.elements.hyperelastic import scattered
 
 GapFunction = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]

@@ -18,10 +18,10 @@ from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
 
-from design.preset import preset
-from design.spec import SensorDesign
-from sims.contact.indentation import modulus_mpa, solved_press
-from sims.contact.scope import half_width_of
+from optopad.design.preset import preset
+from optopad.design.spec import SensorDesign
+from optopad.sims.contact.indentation import modulus_mpa, solved_press
+from optopad.sims.contact.scope import half_width_of
 from tests.validation.contact.contact_comparison import PressError, oracle_error, press_error
 from tests.validation.contact.contact_reference import BUILD, STORED, WALL, build, depths_of, reference_state
 from tests.validation.elements.layer_mesh import Grading

@@ -3,8 +3,8 @@
 A press of the contact model is knots with inclinations, and ends where the model's wall was, with a slope. The engine
 reads cubics of height over radius between the knots and ends them in a smooth tail; the oracle reads a monotone cubic
 through the points alone and ends in a step of the slope. To compare tracers, not readings, both get this curve:
-points on cubics through knots and inclinations, and the engine's tail (`sims.optics.surface.curves.TAIL_MM`) at the
-end.
+points on cubics through knots and inclinations, and the engine's tail (`optopad.sims.optics.surface.curves.TAIL_MM`) at
+the end.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from design.arrays import FloatArray
-from sims.optics.surface.curves import TAIL_MM
-from sims.press import Indentation
+from optopad.design.arrays import FloatArray
+from optopad.sims.optics.surface.curves import TAIL_MM
+from optopad.sims.press import Indentation
 
 POINTS_A_PIECE = 8
 TAIL_POINTS = 80

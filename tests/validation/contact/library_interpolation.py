@@ -19,11 +19,11 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial import cKDTree
 
-from sims.contact.library.build import entry_inputs, entry_press, fit_press
-from sims.contact.library.profile_library import LAYERS, shipped_library
-from sims.contact.library.smooth_press import POISSON_RATIOS, SmoothPress, nearly_incompressible
-from sims.contact.library.stored_press import CACHE_VARIABLE, PressInputs, stored_press
-from sims.contact.scope import solved_depths
+from optopad.sims.contact.library.build import entry_inputs, entry_press, fit_press
+from optopad.sims.contact.library.profile_library import LAYERS, shipped_library
+from optopad.sims.contact.library.smooth_press import POISSON_RATIOS, SmoothPress, nearly_incompressible
+from optopad.sims.contact.library.stored_press import CACHE_VARIABLE, PressInputs, stored_press
+from optopad.sims.contact.scope import solved_depths
 from tests.validation.contact.contact_reference import BUILD
 
 PAGE = BUILD.parents[1] / "docs" / "validation" / "contact-interpolation.md"

@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CloughTocher2DInterpolator
 
-from design.arrays import FloatArray
-from design.preset import preset
-from design.spec import SensorDesign
+from optopad.design.arrays import FloatArray
+from optopad.design.preset import preset
+from optopad.design.spec import SensorDesign
 from tests.validation.contact.contact_reference import BUILD, POISSON_RATIO, reference_state
 from tests.validation.elements.block_oracle import BlockGrading, BlockPress, Walls
 from tests.validation.elements.continuation import interpolated

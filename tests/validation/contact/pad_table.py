@@ -22,15 +22,15 @@ import numba
 import numpy as np
 from numba import njit
 
-from design.arrays import BoolArray, FloatArray
-from design.shape.cavity import cavity_of, direct_path_pairs
-from sims.contact.indentation import modulus_mpa
-from sims.optics.accuracy import ACCURACIES, Accuracy
-from sims.optics.scene.lower import scene_of
-from sims.optics.scene.optical_scene import SmoothField, smooth_field
-from sims.optics.surface.tops import Top, stack_tops, surface_height
-from sims.optics.tracing import pressed_tops, trace
-from sims.press import Indentation
+from optopad.design.arrays import BoolArray, FloatArray
+from optopad.design.shape.cavity import cavity_of, direct_path_pairs
+from optopad.sims.contact.indentation import modulus_mpa
+from optopad.sims.optics.accuracy import ACCURACIES, Accuracy
+from optopad.sims.optics.scene.lower import scene_of
+from optopad.sims.optics.scene.optical_scene import SmoothField, smooth_field
+from optopad.sims.optics.surface.tops import Top, stack_tops, surface_height
+from optopad.sims.optics.tracing import pressed_tops, trace
+from optopad.sims.press import Indentation
 from tests.validation.contact.contact_table import markdown_table, with_table
 from tests.validation.contact.pad_oracle import (
     DEPTHS_MM,

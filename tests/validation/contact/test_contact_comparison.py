@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sims.press import Indentation
+from optopad.sims.press import Indentation
 from tests.validation.contact.contact_comparison import curve_errors, free_surface, press_error
 from tests.validation.contact.contact_reference import ReferenceState, reference_state
 from tests.validation.elements.tip_outlines import sphere_tip

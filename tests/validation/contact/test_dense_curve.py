@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sims.optics.surface.curves import TAIL_MM
+from optopad.sims.optics.surface.curves import TAIL_MM
 from tests.bench.measures.benchmark_states import surface_of
 from tests.sims.optics.surface.analytic import compact_dimple
 from tests.validation.contact.dense_curve import dense_press

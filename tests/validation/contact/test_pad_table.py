@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sims.optics.accuracy import ACCURACIES
+from optopad.sims.optics.accuracy import ACCURACIES
 from tests.validation.contact.pad_oracle import (
     DEPTHS_MM,
     GRID_MM,

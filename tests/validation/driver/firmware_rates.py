@@ -18,14 +18,14 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from design.arrays import IntArray
-from design.circuit.pins import MS_PER_S, US_PER_S, board_of, frame_time_ms
-from design.io import write_text_atomically
-from design.preset import FLAT_PRESETS, SHAPED_PRESETS, preset
-from design.spec import SensorDesign
-from fabrication.driver.link.protocol import Command, pack_command
-from fabrication.flash import COMPILER, compiled_image
-from fabrication.sketch import firmware_settings
+from optopad.design.arrays import IntArray
+from optopad.design.circuit.pins import MS_PER_S, US_PER_S, board_of, frame_time_ms
+from optopad.design.io import write_text_atomically
+from optopad.design.preset import FLAT_PRESETS, SHAPED_PRESETS, preset
+from optopad.design.spec import SensorDesign
+from optopad.fabrication.driver.link.protocol import Command, pack_command
+from optopad.fabrication.flash import COMPILER, compiled_image
+from optopad.fabrication.sketch import firmware_settings
 from tests.fabrication.simulated_board import (
     AMPLIFIER_TAU_US,
     LIGHT_TAU_US,
@@ -65,7 +65,7 @@ class Rate:
     frames, wrong_readings : how many were read, and how many of their readings were not the simulated voltage
     simulator_hz : with the simulator's converter, which starts at once
     edges_hz : with conversions that wait for the next edge of the converter's clock, as on a chip
-    budget_hz : by the plain sum of design.circuit.pins, which rules and driver.toml rest on
+    budget_hz : by the plain sum of optopad.design.circuit.pins, which rules and driver.toml rest on
     """
 
     prescaler: int

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from design.arrays import BoolArray
-from fabrication.driver.link.protocol import FrameFormat, message_lengths, pack_frames
-from fabrication.driver.link.scanner import Scanner
+from optopad.design.arrays import BoolArray
+from optopad.fabrication.driver.link.protocol import FrameFormat, message_lengths, pack_frames
+from optopad.fabrication.driver.link.scanner import Scanner
 
 PAD = FrameFormat(emitters=8, receivers=8, bits=10)
 BLOCK = 10_000

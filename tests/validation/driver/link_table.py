@@ -18,12 +18,12 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from design.io import write_text_atomically
-from design.preset import preset
-from fabrication.driver import Sensor
-from fabrication.driver.link.ports import GATHER_S
-from fabrication.driver.simulated.port import FakePort, PtyWire
-from fabrication.driver_config import dump_driver_config
+from optopad.design.io import write_text_atomically
+from optopad.design.preset import preset
+from optopad.fabrication.driver import Sensor
+from optopad.fabrication.driver.link.ports import GATHER_S
+from optopad.fabrication.driver.simulated.port import FakePort, PtyWire
+from optopad.fabrication.driver_config import dump_driver_config
 from tests.fabrication.driver.made_up_pad import board, pad_config, untouched
 from tests.validation.driver.link_damage import Chances, Tally, through_the_line
 

@@ -15,12 +15,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from design.preset import preset
-from fabrication.driver import Sensor
-from fabrication.driver.link.frames import US_PER_S
-from fabrication.driver.recording.raw import RecordKind, read_records
-from fabrication.driver_config import dump_driver_config
-from fabrication.sketch import firmware_settings
+from optopad.design.preset import preset
+from optopad.fabrication.driver import Sensor
+from optopad.fabrication.driver.link.frames import US_PER_S
+from optopad.fabrication.driver.recording.raw import RecordKind, read_records
+from optopad.fabrication.driver_config import dump_driver_config
+from optopad.fabrication.sketch import firmware_settings
 from optopad.studio.live import LiveSensor, LiveView
 from tests.fabrication.simulated_board import board_on_a_port, portable_pad, quantised, random_table
 

@@ -16,7 +16,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.sparse import csc_matrix
 
-from design.arrays import FloatArray, IntArray
+from optopad.design.arrays import FloatArray, IntArray
 from tests.validation.contact.contact_surface import ContactSurface, GapFunction
 from tests.validation.elements.elimination import nested_dissection
 from tests.validation.elements.hyperelastic import Solid

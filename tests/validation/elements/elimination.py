@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from design.arrays import FloatArray, IntArray
+from optopad.design.arrays import FloatArray, IntArray
 
 LEAST = 60
 """Fewest unknowns that are cut."""

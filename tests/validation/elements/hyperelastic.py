@@ -27,7 +27,7 @@ import numpy as np
 from scipy.sparse import csc_matrix
 from skfem import Basis, ElementHex1, ElementHex2, ElementQuad1, ElementQuad2, Mesh
 
-from design.arrays import FloatArray, IntArray
+from optopad.design.arrays import FloatArray, IntArray
 from tests.validation.elements.newton import InvertedElementError
 
 QUADRATURE = 5

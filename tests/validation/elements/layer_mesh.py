@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from skfem import MeshQuad
 
-from design.arrays import FloatArray
+from optopad.design.arrays import FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)

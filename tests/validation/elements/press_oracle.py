@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from skfem import ElementQuad2, FacetBasis
 
-from design.arrays import FloatArray, IntArray
+from optopad.design.arrays import FloatArray, IntArray
 from tests.validation.contact.contact_surface import ContactSurface, GapFunction, facet_nodes
 from tests.validation.elements.continuation import Continuation
 from tests.validation.elements.hyperelastic import Solid

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from skfem import MeshHex
 
-from design.arrays import FloatArray
+from optopad.design.arrays import FloatArray
 from tests.validation.contact.contact_reference import POISSON_RATIO
 from tests.validation.elements.block_oracle import BlockGrading, BlockPress, BlockState, Walls
 from tests.validation.elements.hyperelastic import Solid, Spatial

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import brentq
 from skfem import MeshQuad
 
-from design.arrays import FloatArray
+from optopad.design.arrays import FloatArray
 from tests.validation.elements.hyperelastic import Solid, lame
 from tests.validation.elements.newton import InvertedElementError, solve_newton
 

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from design.arrays import FloatArray
+from optopad.design.arrays import FloatArray
 
 SHANK_LENGTH = 1e3
 """Length of the shank [tip radii]; beyond any depth."""

@@ -12,8 +12,8 @@ a sum over all past steps, and in every other log on average, the contact of the
 clock of its own, noise, a drift and a slow wave of its tare, and rounding; each press has its own error of depth, and
 the stage's positions have noise.
 
-The truth shares with the fit: the elastic force of `sims.contact`, one time constant, quasi-linear viscoelasticity, and
-the load cell's readings at an instant (no averaging over a sample).
+The truth shares with the fit: the elastic force of `optopad.sims.contact`, one time constant, quasi-linear
+viscoelasticity, and the load cell's readings at an instant (no averaging over a sample).
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ import xarray as xr
 from scipy.interpolate import PchipInterpolator
 from scipy.signal import fftconvolve
 
-from design.arrays import FloatArray
-from design.errors import OptopadError
-from design.io import write_text_atomically
-from design.preset import preset
-from design.spec.properties import youngs_modulus_mpa
-from fabrication.driver.recording.force_log import read_force_log
-from fabrication.driver.recording.joined_log import Offset
+from optopad.design.arrays import FloatArray
+from optopad.design.errors import OptopadError
+from optopad.design.io import write_text_atomically
+from optopad.design.preset import preset
+from optopad.design.spec.properties import youngs_modulus_mpa
+from optopad.fabrication.driver.recording.force_log import read_force_log
+from optopad.fabrication.driver.recording.joined_log import Offset
 from optopad.jobs.calibration import _pressed_force
-from sims.contact.indentation import solved_press
-from sims.learning.force_fit import ForceFit, fit_force
+from optopad.sims.contact.indentation import solved_press
+from optopad.sims.learning.force_fit import ForceFit, fit_force
 from tests.validation.contact.contact_table import markdown_table, with_table
 
 PAGE = Path(__file__).parents[3] / "docs" / "validation" / "calibration.md"

@@ -26,20 +26,20 @@ from typing import Any
 
 import numpy as np
 
-from design.io import write_text_atomically
-from design.preset import preset
-from design.press_protocol import PressProtocol, protocol_from
-from design.spec import SensorDesign
-from sims.learning.calibration import Calibration, calibrated
-from sims.learning.calibration_problem import Unknown, unknowns_of, with_values
-from sims.learning.chain_bounds import chain_bounds
-from sims.learning.fits.kernel_ridge import fit_kernel_ridge
-from sims.learning.inference.touch_model import TouchModel
-from sims.learning.map_learner import chain_noise, fit_signal_map, map_header, mapped
-from sims.learning.traced_map import SignalMap
-from sims.readings.press_data import PressCurves, PressData, traced_curves
-from sims.readings.protocol import ProtocolCurves, draw, protocol_curves
-from sims.readings.signal_chain import SignalChain, chain_of
+from optopad.design.io import write_text_atomically
+from optopad.design.preset import preset
+from optopad.design.press_protocol import PressProtocol, protocol_from
+from optopad.design.spec import SensorDesign
+from optopad.sims.learning.calibration import Calibration, calibrated
+from optopad.sims.learning.calibration_problem import Unknown, unknowns_of, with_values
+from optopad.sims.learning.chain_bounds import chain_bounds
+from optopad.sims.learning.fits.kernel_ridge import fit_kernel_ridge
+from optopad.sims.learning.inference.touch_model import TouchModel
+from optopad.sims.learning.map_learner import chain_noise, fit_signal_map, map_header, mapped
+from optopad.sims.learning.traced_map import SignalMap
+from optopad.sims.readings.press_data import PressCurves, PressData, traced_curves
+from optopad.sims.readings.protocol import ProtocolCurves, draw, protocol_curves
+from optopad.sims.readings.signal_chain import SignalChain, chain_of
 from tests.validation.contact.contact_table import markdown_table, with_table
 
 PAGE = Path(__file__).parents[3] / "docs" / "validation" / "calibration.md"

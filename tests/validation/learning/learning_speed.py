@@ -21,9 +21,9 @@ from pathlib import Path
 
 import numpy as np
 
-from design.io import write_text_atomically
-from sims.learning.fits.kernel_ridge import kernel_matrix, median_distance, solved
-from sims.learning.samples import prepared, spread_samples
+from optopad.design.io import write_text_atomically
+from optopad.sims.learning.fits.kernel_ridge import kernel_matrix, median_distance, solved
+from optopad.sims.learning.samples import prepared, spread_samples
 from tests.sims.learning.pressed_pad import grid_mm, made_up_data
 
 ROOT = Path(__file__).parents[3]

@@ -15,10 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
-from design.arrays import FloatArray
-from design.preset import preset
-from sims.readings.press_data import COARSE_KNOTS_MM, KNOTS_MM, PressCurves, traced_curves
-from sims.readings.protocol import untouched_readout
+from optopad.design.arrays import FloatArray
+from optopad.design.preset import preset
+from optopad.sims.readings.press_data import COARSE_KNOTS_MM, KNOTS_MM, PressCurves, traced_curves
+from optopad.sims.readings.protocol import untouched_readout
 
 PLACES_MM = np.array([[16.5, 19.1], [6.4, 18.3], [10.9, 6.2], [8.0, 8.0], [20.3, 12.7], [25.1, 24.2]])
 """Those of the paper's depth plots, and three more."""

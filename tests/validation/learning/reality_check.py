@@ -22,20 +22,26 @@ from time import perf_counter
 
 import numpy as np
 
-from design.preset import preset
-from design.press_protocol import load_protocol_file
-from design.shape.cavity import workspace_of
-from design.spec import SensorDesign
+from optopad.design.preset import preset
+from optopad.design.press_protocol import load_protocol_file
+from optopad.design.shape.cavity import workspace_of
+from optopad.design.spec import SensorDesign
 from optopad.jobs.evaluation import accuracies
 from optopad.jobs.prediction import bound_mm
 from optopad.results.prediction import ModelAccuracy, accuracy_of, bound_text
+from optopad.sims.learning.inference.signal_map import KIND as SIGNAL_MAP
+from optopad.sims.learning.learners import LEARNERS, Learner
+from optopad.sims.learning.map_learner import signal_map_learner
+from optopad.sims.learning.settings import DEFAULT, FitSettings
+from optopad.sims.learning.tables import (
+    TOUCH_DEPTHS_MM,
+    JudgedPresses,
+    PublishedTouch,
+    Spread,
+    published_touch,
+)
+from optopad.sims.readings.protocol import ProtocolCurves, draw, protocol_curves
 from optopad.work import source_digest
-from sims.learning.inference.signal_map import KIND as SIGNAL_MAP
-from sims.learning.learners import LEARNERS, Learner
-from sims.learning.map_learner import signal_map_learner
-from sims.learning.settings import DEFAULT, FitSettings
-from sims.learning.tables import TOUCH_DEPTHS_MM, JudgedPresses, PublishedTouch, Spread, published_touch
-from sims.readings.protocol import ProtocolCurves, draw, protocol_curves
 from tests.validation.contact.contact_table import markdown_table, with_table
 
 PAGE = Path(__file__).parents[3] / "docs" / "validation" / "reality.md"

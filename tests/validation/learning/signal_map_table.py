@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-from design.io import write_text_atomically
-from design.preset import preset
-from design.shape.cavity import cavity_of, judged_pairs, mask_of
-from sims.learning.map_learner import MAP_SEED
-from sims.learning.traced_map import (
+from optopad.design.io import write_text_atomically
+from optopad.design.preset import preset
+from optopad.design.shape.cavity import cavity_of, judged_pairs, mask_of
+from optopad.sims.learning.map_learner import MAP_SEED
+from optopad.sims.learning.traced_map import (
     DEPTH_NODES,
     PITCH_MM,
     QUICK_DEPTH_NODES,
@@ -24,9 +24,9 @@ from sims.learning.traced_map import (
     SignalMap,
     traced_map,
 )
-from sims.optics.tracing import trace
-from sims.readings.readout import readout_of
-from sims.verdict.depth_curve import sigma_counts
+from optopad.sims.optics.tracing import trace
+from optopad.sims.readings.readout import readout_of
+from optopad.sims.verdict.depth_curve import sigma_counts
 from tests.validation.contact.contact_table import markdown_table, with_table
 
 PAGE = Path(__file__).parents[3] / "docs" / "validation" / "calibration.md"

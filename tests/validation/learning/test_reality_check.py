@@ -6,14 +6,14 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from design.preset import preset
-from design.press_protocol import load_protocol_file
-from design.shape.cavity import cavity_of
-from sims.learning.learners import LEARNERS
-from sims.learning.settings import QUICK
-from sims.learning.tables import published_touch
-from sims.readings.press_data import PressCurves
-from sims.readings.protocol import ProtocolCurves, untouched_readout
+from optopad.design.preset import preset
+from optopad.design.press_protocol import load_protocol_file
+from optopad.design.shape.cavity import cavity_of
+from optopad.sims.learning.learners import LEARNERS
+from optopad.sims.learning.settings import QUICK
+from optopad.sims.learning.tables import published_touch
+from optopad.sims.readings.press_data import PressCurves
+from optopad.sims.readings.protocol import ProtocolCurves, untouched_readout
 from tests.validation.learning.reality_check import (
     DESIGN,
     judged_draws,

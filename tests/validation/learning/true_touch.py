@@ -14,13 +14,13 @@ from pathlib import Path
 
 import numpy as np
 
-from design.io import write_text_atomically
-from design.preset import preset
-from design.press_protocol import load_protocol_file
-from sims.learning.inference.signal_map import SignalMapModel
-from sims.learning.map_learner import fit_signal_map, map_header, mapped
-from sims.readings.press_data import PressData
-from sims.readings.protocol import draw, protocol_curves
+from optopad.design.io import write_text_atomically
+from optopad.design.preset import preset
+from optopad.design.press_protocol import load_protocol_file
+from optopad.sims.learning.inference.signal_map import SignalMapModel
+from optopad.sims.learning.map_learner import fit_signal_map, map_header, mapped
+from optopad.sims.readings.press_data import PressData
+from optopad.sims.readings.protocol import draw, protocol_curves
 from tests.validation.contact.contact_table import markdown_table, with_table
 
 PAGE = Path(__file__).parents[3] / "docs" / "validation" / "reality.md"

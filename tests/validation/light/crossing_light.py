@@ -21,10 +21,10 @@ from pathlib import Path
 import numba
 import numpy as np
 
-from design.arrays import FloatArray
-from sims.optics.oracle.tracer import CLASSES, trace_oracle
-from sims.optics.scene.optical_scene import OpticalScene
-from sims.press import Indentation
+from optopad.design.arrays import FloatArray
+from optopad.sims.optics.oracle.tracer import CLASSES, trace_oracle
+from optopad.sims.optics.scene.optical_scene import OpticalScene
+from optopad.sims.press import Indentation
 from tests.bench.measures.benchmark_states import (
     DEPTHS_MM,
     SURFACES,

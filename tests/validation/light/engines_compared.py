@@ -16,13 +16,13 @@ from typing import Any
 
 import numpy as np
 
-from design.preset import preset
-from design.shape.top import Top
-from sims.optics.engine.general import pad as formed_pad
-from sims.optics.engine.trace_states import RawLight, trace_scene
-from sims.optics.scene.lower import scene_of
-from sims.optics.scene.optical_scene import OpticalScene
-from sims.optics.tracing import pressed_tops
+from optopad.design.preset import preset
+from optopad.design.shape.top import Top
+from optopad.sims.optics.engine.general import pad as formed_pad
+from optopad.sims.optics.engine.trace_states import RawLight, trace_scene
+from optopad.sims.optics.scene.lower import scene_of
+from optopad.sims.optics.scene.optical_scene import OpticalScene
+from optopad.sims.optics.tracing import pressed_tops
 from tests.sims.optics.oracle.form_scenes import rectangle_form
 
 PADS, STATES, SEEDS, DEPTHS_MM = ("piacenza2017-pad", "oblong-60x40"), 9, 6, (0.3, 1.0, 2.0)

@@ -11,9 +11,9 @@ from time import perf_counter, process_time
 import numba
 import numpy as np
 
-import sims.optics
-from design.arrays import FloatArray
-from sims.optics.engine.trace_states import Accuracy, trace_scene
+import optopad.sims.optics
+from optopad.design.arrays import FloatArray
+from optopad.sims.optics.engine.trace_states import Accuracy, trace_scene
 from tests.bench.measures.benchmark_states import benchmark_scene, benchmark_states, different_walls
 from tests.bench.measures.closest_hits import engine_hits, plain_hits
 from tests.bench.measures.surface_mesh import cosine_rays
@@ -122,7 +122,7 @@ def kept(surface: str, setting: Setting, folder: Path = BUILD) -> Run:
 def engine_fingerprint() -> str:
     """Hash of every source of the light model."""
     digest = sha256()
-    for path in sorted(Path(sims.optics.__path__[0]).glob("*.py")):
+    for path in sorted(Path(optopad.sims.optics.__path__[0]).glob("*.py")):
         digest.update(path.read_bytes())
     return digest.hexdigest()
 

@@ -18,8 +18,8 @@ from pathlib import Path
 import numba
 import numpy as np
 
-from design.arrays import FloatArray
-from sims.optics.oracle.tracer import CLASSES, trace_oracle
+from optopad.design.arrays import FloatArray
+from optopad.sims.optics.oracle.tracer import CLASSES, trace_oracle
 from tests.bench.measures.benchmark_states import (
     DEPTHS_MM,
     SURFACES,

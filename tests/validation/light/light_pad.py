@@ -15,13 +15,13 @@ from time import process_time
 import numba
 import numpy as np
 
-from design.arrays import FloatArray
-from design.io import write_text_atomically
-from design.preset import preset
-from design.shape.cavity import cavity_of
-from sims.optics.engine.trace_states import trace_scene
-from sims.optics.scene.lower import scene_of
-from sims.optics.tracing import pressed_tops
+from optopad.design.arrays import FloatArray
+from optopad.design.io import write_text_atomically
+from optopad.design.preset import preset
+from optopad.design.shape.cavity import cavity_of
+from optopad.sims.optics.engine.trace_states import trace_scene
+from optopad.sims.optics.scene.lower import scene_of
+from optopad.sims.optics.tracing import pressed_tops
 from tests.bench.measures.benchmark_states import different_walls
 from tests.validation.contact.contact_table import markdown_table, with_table
 from tests.validation.light.light_figures import Errors, errors_of

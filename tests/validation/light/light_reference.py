@@ -14,8 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from design.arrays import FloatArray
-from sims.optics.engine.trace_states import CLASS_NAMES
+from optopad.design.arrays import FloatArray
+from optopad.sims.optics.engine.trace_states import CLASS_NAMES
 
 STORED = Path(__file__).parent / "data" / "light_reference.npz"
 BUILD = Path(__file__).parents[3] / "build" / "validation" / "light"

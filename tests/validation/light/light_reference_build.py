@@ -20,8 +20,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from design.arrays import FloatArray
-from sims.optics.engine.trace_states import ACCURACIES, Accuracy, trace_scene
+from optopad.design.arrays import FloatArray
+from optopad.sims.optics.engine.trace_states import ACCURACIES, Accuracy, trace_scene
 from tests.bench.measures.benchmark_states import DEPTHS_MM, benchmark_scene, benchmark_states
 from tests.validation.light.light_reference import BUILD, STORED, grouped
 

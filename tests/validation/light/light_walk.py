@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import qmc
 
-from design.arrays import FloatArray
+from optopad.design.arrays import FloatArray
 from tests.bench.measures.benchmark_states import benchmark_scene, benchmark_states, different_walls
 from tests.bench.measures.forward_walk import even_walk
 from tests.validation.contact.contact_table import markdown_table, with_table

@@ -22,12 +22,12 @@ import numpy as np
 from scipy.interpolate import RectBivariateSpline
 
 import optopad
-from design.arrays import BoolArray, FloatArray
-from design.files import write_whole
-from sims.contact.pad_surface import pad_surface
-from sims.optics.engine.trace_states import CLASS_NAMES, trace_scene
-from sims.optics.scene.lower import scene_of
-from sims.optics.scene.optical_scene import (
+from optopad.design.arrays import BoolArray, FloatArray
+from optopad.design.files import write_whole
+from optopad.sims.contact.pad_surface import pad_surface
+from optopad.sims.optics.engine.trace_states import CLASS_NAMES, trace_scene
+from optopad.sims.optics.scene.lower import scene_of
+from optopad.sims.optics.scene.optical_scene import (
     OpticalScene,
     SmoothField,
     cosine_nodes,
@@ -35,8 +35,8 @@ from sims.optics.scene.optical_scene import (
     refracted_cosine,
     transmitted_share,
 )
-from sims.optics.tracing import pressed_tops
-from sims.press import Indentation
+from optopad.sims.optics.tracing import pressed_tops
+from optopad.sims.press import Indentation
 from tests.bench.measures import surface_mesh
 from tests.bench.measures.benchmark_states import DESIGN_FILE, different_walls
 from tests.bench.measures.surface_mesh import TopMesh, compact_curve, pressed_mesh

@@ -2,9 +2,9 @@
 
 An outside check of the light engine and a measure of its speed. Mitsuba supplies the intersection with the triangles of
 the top (embree), the interpolated normals and Fresnel's equations; drjit the loop, the random numbers and the compiler.
-Flat walls, a round wall and the bottom are written out. Nothing of `sims.optics` takes part but the scene's numbers.
-Optional: needs `pip install mitsuba` and an LLVM library that drjit accepts (19 does, 15 aborts; DRJIT_LIBLLVM_PATH
-names it).
+Flat walls, a round wall and the bottom are written out. Nothing of `optopad.sims.optics` takes part but the scene's
+numbers. Optional: needs `pip install mitsuba` and an LLVM library that drjit accepts (19 does, 15 aborts;
+DRJIT_LIBLLVM_PATH names it).
 
 The walk: emitters radiate by their order or table; at the top Fresnel's share becomes weight, and absorption on every
 flight; walls, bottom and tip scatter by chance; a receiver, or a face that does not scatter, ends a ray; faint rays end
@@ -21,8 +21,8 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from design.arrays import FloatArray
-from sims.optics.scene.optical_scene import OpticalScene, PadForm
+from optopad.design.arrays import FloatArray
+from optopad.sims.optics.scene.optical_scene import OpticalScene, PadForm
 from tests.bench.measures.forward_walk import FAINT, KEPT, MOST_FLIGHTS
 from tests.bench.measures.surface_mesh import TopMesh, form_of
 

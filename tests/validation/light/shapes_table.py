@@ -26,15 +26,15 @@ from pathlib import Path
 import numpy as np
 
 import optopad
-from design.arrays import FloatArray
-from design.spec import SensorDesign
-from sims.optics.accuracy import ACCURACIES, MIRRORED_FINER, Accuracy
-from sims.optics.engine.general import pad as formed_pad
-from sims.optics.engine.trace_states import trace_scene
-from sims.optics.oracle.tracer import trace_oracle
-from sims.optics.oracle.walk import CROSSING
-from sims.optics.scene.lower import scene_of
-from sims.optics.scene.optical_scene import (
+from optopad.design.arrays import FloatArray
+from optopad.design.spec import SensorDesign
+from optopad.sims.optics.accuracy import ACCURACIES, MIRRORED_FINER, Accuracy
+from optopad.sims.optics.engine.general import pad as formed_pad
+from optopad.sims.optics.engine.trace_states import trace_scene
+from optopad.sims.optics.oracle.tracer import trace_oracle
+from optopad.sims.optics.oracle.walk import CROSSING
+from optopad.sims.optics.scene.lower import scene_of
+from optopad.sims.optics.scene.optical_scene import (
     COSINE_NODES,
     OpticalScene,
     cosine_nodes,
@@ -42,8 +42,8 @@ from sims.optics.scene.optical_scene import (
     refracted_cosine,
     transmitted_share,
 )
-from sims.optics.surface.tops import Presses
-from sims.optics.tracing import pressed_tops
+from optopad.sims.optics.surface.tops import Presses
+from optopad.sims.optics.tracing import pressed_tops
 
 EPOXY = ", receivers behind epoxy"
 """What comes after a preset's name where its receivers have a half angle of 40 degrees in epoxy of index 1.55."""

@@ -11,7 +11,7 @@ import numba
 import numpy as np
 import pytest
 
-from sims.optics.engine.trace_states import ACCURACIES
+from optopad.sims.optics.engine.trace_states import ACCURACIES
 from tests.bench.measures.benchmark_states import SURFACES, benchmark_scene, different_walls
 from tests.bench.measures.walk_cost import plain_walk
 from tests.validation.light import light_speed

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import optopad
-from sims.contact.pad_surface import pad_surface
-from sims.optics.oracle.scene import beyond_walls_mm
-from sims.optics.oracle.surface import is_in_elastomer
-from sims.optics.oracle.top import lower_presses
-from sims.optics.scene.optical_scene import smooth_field
+from optopad.sims.contact.pad_surface import pad_surface
+from optopad.sims.optics.oracle.scene import beyond_walls_mm
+from optopad.sims.optics.oracle.surface import is_in_elastomer
+from optopad.sims.optics.oracle.top import lower_presses
+from optopad.sims.optics.scene.optical_scene import smooth_field
 from tests.bench.measures.surface_mesh import form_of
 from tests.validation.light.mitsuba_check import BEYOND, STATES, Compared, State, row
 

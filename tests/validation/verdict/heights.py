@@ -18,10 +18,10 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import optopad
-from design.preset import preset
-from design.spec import SensorDesign
+from optopad.design.preset import preset
+from optopad.design.spec import SensorDesign
+from optopad.sims.score.scoring import score
 from optopad.work import source_digest
-from sims.score.scoring import score
 from tests.validation.contact.contact_table import markdown_table, with_table
 
 PAGE = Path(__file__).parents[3] / "docs" / "validation" / "reality.md"

@@ -25,20 +25,20 @@ from typing import Any
 
 import numpy as np
 
-from design.errors import OptopadError
-from design.io import load_design, write_text_atomically
-from design.preset import preset
-from design.rules.check import check
-from design.search.improve import HEIGHTS, Judged, Limit, betters, improvement_space, is_sound, worth
-from design.spec import SensorDesign
-from design.spec.cheap_fields import CLEAR
+from optopad.design.errors import OptopadError
+from optopad.design.io import load_design, write_text_atomically
+from optopad.design.preset import preset
+from optopad.design.rules.check import check
+from optopad.design.search.improve import HEIGHTS, Judged, Limit, betters, improvement_space, is_sound, worth
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.cheap_fields import CLEAR
 from optopad.jobs.improvement import improve
 from optopad.results.figures import figures_of
-from sims.score.build_tolerance import with_tolerance
-from sims.score.objective import judge, sizes_of, with_bounds
-from sims.score.result import ContinuityScore
-from sims.score.scoring import verdict_of
-from sims.verdict.depth_curve import DEADBAND_THRESHOLD
+from optopad.sims.score.build_tolerance import with_tolerance
+from optopad.sims.score.objective import judge, sizes_of, with_bounds
+from optopad.sims.score.result import ContinuityScore
+from optopad.sims.score.scoring import verdict_of
+from optopad.sims.verdict.depth_curve import DEADBAND_THRESHOLD
 
 ROOT = Path(__file__).parents[3]
 FOLDER = ROOT / "build" / "validation" / "improve"

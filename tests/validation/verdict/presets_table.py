@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import optopad
-from design.io import write_text_atomically
+from optopad.design.io import write_text_atomically
 from tests.validation.contact.contact_table import markdown_table
 
 TABLE = Path(__file__).with_name("presets_table.md")

@@ -16,16 +16,16 @@ from textwrap import fill
 
 import numpy as np
 
-from design.io import write_text_atomically
-from design.search.explore import Findings
-from design.search.figures import FIGURES
-from design.search.improve import Judged, Tried
-from design.search.space import SearchSpace, load_space
-from design.spec import SensorDesign
+from optopad.design.io import write_text_atomically
+from optopad.design.search.explore import Findings
+from optopad.design.search.figures import FIGURES
+from optopad.design.search.improve import Judged, Tried
+from optopad.design.search.space import SearchSpace, load_space
+from optopad.design.spec import SensorDesign
 from optopad.jobs.exploration import search
+from optopad.sims.plots.front import choice_text, front_svg
+from optopad.sims.score.objective import judge
 from optopad.work import source_digest
-from sims.plots.front import choice_text, front_svg
-from sims.score.objective import judge
 from tests.validation.verdict import improve_table
 
 ROOT = Path(__file__).parents[3]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from itertools import product
 
-from design.preset import preset
-from design.shape.cavity import cavity_of
+from optopad.design.preset import preset
+from optopad.design.shape.cavity import cavity_of
 from tests.validation.verdict.heights import AREA_MM, EMITTER_MM, RECEIVER_MM, with_heights
 
 

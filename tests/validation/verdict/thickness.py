@@ -15,13 +15,13 @@ from pathlib import Path
 from textwrap import fill
 from typing import Literal
 
-from design.preset import preset
+from optopad.design.preset import preset
 from optopad.results.figures import figures_of
 from optopad.results.sweep import Sweep
-from sims.plots.style import plain_style, svg_text
-from sims.plots.sweep import plot_sweep
-from sims.score.scoring import score
-from sims.score.sweep import SweepRow, sweep_row, swept_designs
+from optopad.sims.plots.style import plain_style, svg_text
+from optopad.sims.plots.sweep import plot_sweep
+from optopad.sims.score.scoring import score
+from optopad.sims.score.sweep import SweepRow, sweep_row, swept_designs
 
 DOCS = Path(__file__).parents[3] / "docs"
 PAGE, TABLE = DOCS / "validation" / "thickness.md", DOCS / "validation" / "thickness.csv"

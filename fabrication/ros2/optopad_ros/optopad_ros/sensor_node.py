@@ -15,16 +15,16 @@ from threading import Thread
 import time
 import traceback
 
-from design.errors import DeviceError
-from design.errors import OptopadError
-from design.errors import OutputError
 from diagnostic_msgs.msg import DiagnosticArray
 from diagnostic_msgs.msg import DiagnosticStatus
 from diagnostic_msgs.msg import KeyValue
-from fabrication.driver import ros_fields as fields
 from geometry_msgs.msg import TransformStamped
 from geometry_msgs.msg import WrenchStamped
 import optopad
+from optopad.design.errors import DeviceError
+from optopad.design.errors import OptopadError
+from optopad.design.errors import OutputError
+from optopad.fabrication.driver import ros_fields as fields
 from optopad_msgs.msg import Frame
 from optopad_msgs.msg import Sensor
 from optopad_msgs.msg import Touch

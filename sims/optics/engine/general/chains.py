@@ -17,8 +17,8 @@ from __future__ import annotations
 
 import math
 
-from design.arrays import BoolArray, FloatArray
-from sims.optics.engine.general.cuts import (
+from optopad.design.arrays import BoolArray, FloatArray
+from optopad.sims.optics.engine.general.cuts import (
     BATCH,
     GAUSS,
     MX,
@@ -32,7 +32,7 @@ from sims.optics.engine.general.cuts import (
     sent,
     sent_by_part,
 )
-from sims.optics.engine.general.rays import (
+from optopad.sims.optics.engine.general.rays import (
     CX,
     CY,
     CZ,
@@ -51,7 +51,7 @@ from sims.optics.engine.general.rays import (
     sees,
     window_point,
 )
-from sims.optics.engine.general.top import (
+from optopad.sims.optics.engine.general.top import (
     NEVER,
     OUTER,
     FormedTop,
@@ -63,7 +63,7 @@ from sims.optics.engine.general.top import (
     top_hit,
     turn,
 )
-from sims.optics.surface.radial import fresnel, inlined, kernel
+from optopad.sims.optics.surface.radial import fresnel, inlined, kernel
 
 MOST = 24
 FAINT = 1e-9

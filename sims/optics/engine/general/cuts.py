@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import math
 
-from design.arrays import FloatArray
-from sims.optics.engine.general.rays import NX, NY, UX, UY, lobe
-from sims.optics.surface.radial import fresnel, inlined, kernel
+from optopad.design.arrays import FloatArray
+from optopad.sims.optics.engine.general.rays import NX, NY, UX, UY, lobe
+from optopad.sims.optics.surface.radial import fresnel, inlined, kernel
 
 GAUSS = 0.5773502691896258
 """The two nodes of Gauss' rule on the interval from -1 to 1 are at plus and minus this value."""

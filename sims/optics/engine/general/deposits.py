@@ -21,8 +21,8 @@ from __future__ import annotations
 
 import math
 
-from design.arrays import FloatArray
-from sims.optics.engine.general.rays import (
+from optopad.design.arrays import FloatArray
+from optopad.sims.optics.engine.general.rays import (
     BOTTOM,
     HALF_U,
     HALF_V,
@@ -33,10 +33,10 @@ from sims.optics.engine.general.rays import (
     meeting,
     window_point,
 )
-from sims.optics.engine.general.scattered import FAINT, about, number, window_at
-from sims.optics.engine.general.top import FormedTop, into, is_contact, normal_at, out_of
-from sims.optics.surface.curves import CONTACT, CONTACT_PARTS
-from sims.optics.surface.radial import fresnel, kernel
+from optopad.sims.optics.engine.general.scattered import FAINT, about, number, window_at
+from optopad.sims.optics.engine.general.top import FormedTop, into, is_contact, normal_at, out_of
+from optopad.sims.optics.surface.curves import CONTACT, CONTACT_PARTS
+from optopad.sims.optics.surface.radial import fresnel, kernel
 
 MOST_MIRRORS = 24
 RAY_BATCHES = 4

@@ -15,10 +15,20 @@ from __future__ import annotations
 
 import math
 
-from design.arrays import FloatArray
-from sims.optics.engine.general.rays import AREA, HALF_U, HALF_V, NX, NY, WALL, lobe, sees, window_point
-from sims.optics.engine.general.top import OUTER, FormedTop
-from sims.optics.surface.radial import kernel
+from optopad.design.arrays import FloatArray
+from optopad.sims.optics.engine.general.rays import (
+    AREA,
+    HALF_U,
+    HALF_V,
+    NX,
+    NY,
+    WALL,
+    lobe,
+    sees,
+    window_point,
+)
+from optopad.sims.optics.engine.general.top import OUTER, FormedTop
+from optopad.sims.optics.surface.radial import kernel
 
 HALVINGS = 12
 

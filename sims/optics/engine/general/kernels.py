@@ -1,5 +1,6 @@
 # mypy: no-warn-return-any
-"""Entry points of the light model for disc and crowned pads, compiled and cached like `sims.optics.engine.compiled`."""
+"""Entry points of the light model for disc and crowned pads, compiled and cached like
+`optopad.sims.optics.engine.compiled`."""
 
 from __future__ import annotations
 
@@ -7,9 +8,9 @@ import sys
 
 import numpy as np
 
-from design.arrays import BoolArray, FloatArray
-from sims.kernels import entry_points
-from sims.optics.engine.general import (
+from optopad.design.arrays import BoolArray, FloatArray
+from optopad.sims.kernels import entry_points
+from optopad.sims.optics.engine.general import (
     chains,
     cuts,
     deposits,
@@ -19,19 +20,19 @@ from sims.optics.engine.general import (
     scattered,
     top,
 )
-from sims.optics.engine.general.cuts import POINT_COLUMNS
-from sims.optics.engine.general.deposits import RAY_BATCHES, deposit
-from sims.optics.engine.general.direct import straight_flux
-from sims.optics.engine.general.mirrored import (
+from optopad.sims.optics.engine.general.cuts import POINT_COLUMNS
+from optopad.sims.optics.engine.general.deposits import RAY_BATCHES, deposit
+from optopad.sims.optics.engine.general.direct import straight_flux
+from optopad.sims.optics.engine.general.mirrored import (
     BATCHES,
     SIGHT,
     SIGHTS,
     mirrored_flux,
     top_points,
 )
-from sims.optics.engine.general.scattered import scattered_flux
-from sims.optics.engine.general.top import FormedTop
-from sims.optics.surface import curves, radial
+from optopad.sims.optics.engine.general.scattered import scattered_flux
+from optopad.sims.optics.engine.general.top import FormedTop
+from optopad.sims.optics.surface import curves, radial
 
 KERNEL_MODULES = (
     curves,

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from design.arrays import FloatArray
-from design.errors import InputError, ModelScopeError
-from design.shape.top import Top
-from sims.optics.engine.general.patches import border_mm, from_arc
-from sims.optics.engine.general.top import (
+from optopad.design.arrays import FloatArray
+from optopad.design.errors import InputError, ModelScopeError
+from optopad.design.shape.top import Top
+from optopad.sims.optics.engine.general.patches import border_mm, from_arc
+from optopad.sims.optics.engine.general.top import (
     CUPS,
     CYLINDER,
     FLAT,
@@ -24,8 +24,8 @@ from sims.optics.engine.general.top import (
     FormedTop,
     empty_rows,
 )
-from sims.optics.scene.optical_scene import OpticalScene, PadForm
-from sims.optics.surface.curves import (
+from optopad.sims.optics.scene.optical_scene import OpticalScene, PadForm
+from optopad.sims.optics.surface.curves import (
     CONTACT_R,
     OUTER_R,
     PIECES,
@@ -36,7 +36,7 @@ from sims.optics.surface.curves import (
     lowest_of_pieces_mm,
     outward_cup,
 )
-from sims.press import Indentation
+from optopad.sims.press import Indentation
 
 REACH_SHARE = 0.97
 """Largest distance of the pad's points from the axis of a press, relative to the crown's radius; farther away the crown

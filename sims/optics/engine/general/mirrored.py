@@ -28,8 +28,8 @@ from __future__ import annotations
 
 import math
 
-from design.arrays import BoolArray, FloatArray
-from sims.optics.engine.general.chains import (
+from optopad.design.arrays import BoolArray, FloatArray
+from optopad.sims.optics.engine.general.chains import (
     CHAIN_WORK,
     FAINT,
     IS_LIT,
@@ -38,7 +38,7 @@ from sims.optics.engine.general.chains import (
     follow_chains,
     is_lit,
 )
-from sims.optics.engine.general.cuts import (
+from optopad.sims.optics.engine.general.cuts import (
     BATCH,
     CHAINS,
     DA,
@@ -54,7 +54,7 @@ from sims.optics.engine.general.cuts import (
     lines,
     sent,
 )
-from sims.optics.engine.general.rays import (
+from optopad.sims.optics.engine.general.rays import (
     AREA,
     CX,
     CY,
@@ -71,7 +71,7 @@ from sims.optics.engine.general.rays import (
     sees,
     window_point,
 )
-from sims.optics.engine.general.top import (
+from optopad.sims.optics.engine.general.top import (
     FLAT,
     KIND,
     NEVER,
@@ -86,7 +86,7 @@ from sims.optics.engine.general.top import (
     out_of,
     sag,
 )
-from sims.optics.surface.radial import inlined, kernel
+from optopad.sims.optics.surface.radial import inlined, kernel
 
 COLUMNS, HALVINGS = 4, 5
 """Number of columns of an emitter's part in which light hidden by the dimple is searched for, and number of halvings in

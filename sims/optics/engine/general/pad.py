@@ -14,18 +14,18 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from design.arrays import BoolArray, FloatArray
-from sims.compiling import listen_to_numba
-from sims.optics.accuracy import Accuracy
-from sims.optics.engine.general.lower import formed_top, walls_of, windows_of
-from sims.optics.engine.general.patches import PatchLayout, patch_layout
-from sims.optics.engine.general.points import GridPoints, TopGrid, pitch_of, points_of, top_grid
-from sims.optics.engine.general.rays import AREA
-from sims.optics.engine.general.scattered import DIMENSIONS
-from sims.optics.engine.general.top import FLAT, KIND, SPHERE, FormedTop
-from sims.optics.engine.threads import run_each
-from sims.optics.engine.untouched import above_zero
-from sims.optics.scene.optical_scene import OpticalScene
+from optopad.design.arrays import BoolArray, FloatArray
+from optopad.sims.compiling import listen_to_numba
+from optopad.sims.optics.accuracy import Accuracy
+from optopad.sims.optics.engine.general.lower import formed_top, walls_of, windows_of
+from optopad.sims.optics.engine.general.patches import PatchLayout, patch_layout
+from optopad.sims.optics.engine.general.points import GridPoints, TopGrid, pitch_of, points_of, top_grid
+from optopad.sims.optics.engine.general.rays import AREA
+from optopad.sims.optics.engine.general.scattered import DIMENSIONS
+from optopad.sims.optics.engine.general.top import FLAT, KIND, SPHERE, FormedTop
+from optopad.sims.optics.engine.threads import run_each
+from optopad.sims.optics.engine.untouched import above_zero
+from optopad.sims.optics.scene.optical_scene import OpticalScene
 
 CLASSES = 5
 REFERENCE = Accuracy(image_step=0.06)
@@ -94,7 +94,7 @@ class FormedPad:
 
     def straight(self, top: FormedTop, wanted: BoolArray, rules: tuple[FloatArray, ...]) -> FloatArray:
         """(emitter, receiver) direct light of the requested pairs under a top."""
-        from sims.optics.engine.general.kernels import straight_matrix
+        from optopad.sims.optics.engine.general.kernels import straight_matrix
 
         absorbs = self.scene.absorption_per_mm
         return np.asarray(straight_matrix(self.emitters, self.receivers, wanted, absorbs, *top, *rules))
@@ -104,7 +104,7 @@ class FormedPad:
 
         `at` (n, 5) has the points in press coordinates; `GridPoints.in_frame` explains the columns.
         """
-        from sims.optics.engine.general.kernels import mirrored_matrix, points_on
+        from optopad.sims.optics.engine.general.kernels import mirrored_matrix, points_on
 
         scene = self.scene
         share = SPHERE_PART_SHARE if top.numbers[KIND] == SPHERE else PART_SHARE
@@ -136,7 +136,7 @@ class FormedPad:
         rays: int = DEPOSIT_RAYS,
     ) -> tuple[FloatArray, FloatArray]:
         """(batch, emitter, patch) and (batch, receiver, patch) light on patches from those requested."""
-        from sims.optics.engine.general.kernels import deposit_matrix
+        from optopad.sims.optics.engine.general.kernels import deposit_matrix
 
         scene, layout = self.scene, patches or self.patches
         given, taken = (
@@ -294,7 +294,7 @@ def _untouched_once(pad: FormedPad, shift: FloatArray, rays: int) -> tuple[Float
 
 def _untouched_more(pad: FormedPad, shifts: FloatArray, rays: int) -> FloatArray:
     """(shift, emitter, receiver) light scattered more than once, for each offset of the random sequence."""
-    from sims.optics.engine.general.kernels import scattered_matrix
+    from optopad.sims.optics.engine.general.kernels import scattered_matrix
 
     scene = pad.scene
     out = np.zeros((len(shifts), *pad.every.shape))

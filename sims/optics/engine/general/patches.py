@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from design.arrays import BoolArray, FloatArray
-from sims.optics.engine.general.deposits import TIP_PATCHES
-from sims.optics.scene.optical_scene import OpticalScene
+from optopad.design.arrays import BoolArray, FloatArray
+from optopad.sims.optics.engine.general.deposits import TIP_PATCHES
+from optopad.sims.optics.scene.optical_scene import OpticalScene
 
 PATCH_MM = 2.0
 LEAST_TURNS = 24

@@ -19,12 +19,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from design.arrays import BoolArray, FloatArray
-from sims.optics.accuracy import Accuracy
-from sims.optics.engine.general.patches import is_in_plan
-from sims.optics.engine.general.rays import CX, CY, CZ, HALF_U, HALF_V, NX, NY, UX, UY
-from sims.optics.engine.general.top import CONTACT_EDGE, KIND, OUTER, SKIRT_EDGE, SPHERE, FormedTop
-from sims.optics.scene.optical_scene import OpticalScene
+from optopad.design.arrays import BoolArray, FloatArray
+from optopad.sims.optics.accuracy import Accuracy
+from optopad.sims.optics.engine.general.patches import is_in_plan
+from optopad.sims.optics.engine.general.rays import CX, CY, CZ, HALF_U, HALF_V, NX, NY, UX, UY
+from optopad.sims.optics.engine.general.top import CONTACT_EDGE, KIND, OUTER, SKIRT_EDGE, SPHERE, FormedTop
+from optopad.sims.optics.scene.optical_scene import OpticalScene
 
 GRADE = 0.35
 """Largest size of a cell, relative to its distance from a window."""

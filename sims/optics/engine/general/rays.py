@@ -2,7 +2,7 @@
 """Rays in a disc or crowned pad: where they meet walls, bottom, top, and *windows* (faces of emitters and receivers).
 Points and directions are in cavity coordinates; the top is evaluated in press coordinates. `walls` (k, 3) holds the
 outward normal of each flat wall and its distance from the origin, `arcs` (m, 6) the round walls as in `PadForm`.
-Windows are rows of `sims.optics.engine.general.lower.windows_of`.
+Windows are rows of `optopad.sims.optics.engine.general.lower.windows_of`.
 
 The pad is convex. So a ray from inside leaves the full circle of an arc at one point. If this point is in the arc's
 sector, the ray meets the arc there, unless it meets another wall before.
@@ -12,9 +12,9 @@ from __future__ import annotations
 
 import math
 
-from design.arrays import FloatArray
-from sims.optics.engine.general.top import FormedTop, into, top_hit, turn
-from sims.optics.surface.radial import inlined, kernel, lobe_at
+from optopad.design.arrays import FloatArray
+from optopad.sims.optics.engine.general.top import FormedTop, into, top_hit, turn
+from optopad.sims.optics.surface.radial import inlined, kernel, lobe_at
 
 NEVER = 1e30
 BOTTOM, TOP = -1, -2

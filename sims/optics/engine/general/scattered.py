@@ -20,8 +20,8 @@ from __future__ import annotations
 
 import math
 
-from design.arrays import FloatArray
-from sims.optics.engine.general.rays import (
+from optopad.design.arrays import FloatArray
+from optopad.sims.optics.engine.general.rays import (
     BOTTOM,
     CX,
     CY,
@@ -40,8 +40,8 @@ from sims.optics.engine.general.rays import (
     sees,
     window_point,
 )
-from sims.optics.engine.general.top import OUTER, FormedTop, into, is_contact, normal_at, out_of
-from sims.optics.surface.radial import fresnel, kernel
+from optopad.sims.optics.engine.general.top import OUTER, FormedTop, into, is_contact, normal_at, out_of
+from optopad.sims.optics.surface.radial import fresnel, kernel
 
 FAINT = 1e-7
 MOST_SCATTERED, MOST_FLIGHTS = 6, 60

@@ -12,7 +12,7 @@ where c is the crown's sag below its tangent plane and d the height of the press
 the contact of a hemisphere of radius a at depth p, d = a - p - √(a² - r²) + m(r), with m the sag of the mean crown.
 For a spherical crown m is c itself, so the top follows the tip exactly. For a cylindrical crown m is the sag of a
 sphere of twice its radius. Beyond the contact, d is a C1 cubic through the points of the press's curve, as in
-`sims.optics.surface.curves`, and ends in a tail.
+`optopad.sims.optics.surface.curves`, and ends in a tail.
 
 Rays march in steps that cannot jump over the top. The height of a ray above the crown, u = z + c, is convex along it,
 so within a step u is nowhere above the line between its ends. Let s be the step's smallest radius. From s outward, d
@@ -35,8 +35,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from design.arrays import FloatArray
-from sims.optics.surface.curves import (
+from optopad.design.arrays import FloatArray
+from optopad.sims.optics.surface.curves import (
     CELLS,
     OFFSET,
     PIECE_COLUMNS,
@@ -47,7 +47,7 @@ from sims.optics.surface.curves import (
     START,
     STEEP,
 )
-from sims.optics.surface.radial import height_and_slope, inlined, kernel
+from optopad.sims.optics.surface.radial import height_and_slope, inlined, kernel
 
 NEVER = 1e30
 STEP_MM, LEAST_STEP_MM = 0.3, 0.06
@@ -81,8 +81,8 @@ class FormedTop(NamedTuple):
     numbers : (7,) type of crown (flat, sphere or cylinder); its radius and the mean crown's radius (0 if flat) [mm];
         depth of the press; radius beyond which d is 0; contact radius; skirt radius, within which a reflection counts
         as the skirt's [mm]. The last four are 0 if untouched
-    rows : (1, `FORMED_ROW`) radial table of d (`sims.optics.surface.curves`), then lowest heights, then largest cups;
-        if untouched, a single 0
+    rows : (1, `FORMED_ROW`) radial table of d (`optopad.sims.optics.surface.curves`), then lowest heights, then largest
+        cups; if untouched, a single 0
     """
 
     origin: FloatArray

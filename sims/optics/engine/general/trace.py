@@ -19,7 +19,7 @@ mirrored light. `change_error` leaves out what cancels in the difference of two 
 all states share, and the error of fixed rules, which is the same share of equal changes. No error covers light
 scattered more than once that the dimple obstructs.
 
-This model leaves out smooth walls, several tips, fields and folds; `sims.optics.oracle` has all of these.
+This model leaves out smooth walls, several tips, fields and folds; `optopad.sims.optics.oracle` has all of these.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from design.arrays import BoolArray, FloatArray, IntArray
-from sims.optics.accuracy import Accuracy
-from sims.optics.engine.general.deposits import TIP_PATCHES
-from sims.optics.engine.general.lower import FormedStack
-from sims.optics.engine.general.pad import CLASSES, FormedWays, formed_ways, jackknifed, lattice_error
-from sims.optics.engine.general.patches import is_in_plan
-from sims.optics.engine.general.points import ring_points, ring_zone_mm
-from sims.optics.engine.general.rays import AREA
-from sims.optics.engine.general.top import (
+from optopad.design.arrays import BoolArray, FloatArray, IntArray
+from optopad.sims.optics.accuracy import Accuracy
+from optopad.sims.optics.engine.general.deposits import TIP_PATCHES
+from optopad.sims.optics.engine.general.lower import FormedStack
+from optopad.sims.optics.engine.general.pad import CLASSES, FormedWays, formed_ways, jackknifed, lattice_error
+from optopad.sims.optics.engine.general.patches import is_in_plan
+from optopad.sims.optics.engine.general.points import ring_points, ring_zone_mm
+from optopad.sims.optics.engine.general.rays import AREA
+from optopad.sims.optics.engine.general.top import (
     CONTACT_EDGE,
     DEPTH,
     FLAT,
@@ -47,9 +47,9 @@ from sims.optics.engine.general.top import (
     empty_rows,
     out_of_frame,
 )
-from sims.optics.engine.threads import run_each
-from sims.optics.scene.optical_scene import OpticalScene
-from sims.optics.surface.curves import CONTACT_AREA
+from optopad.sims.optics.engine.threads import run_each
+from optopad.sims.optics.scene.optical_scene import OpticalScene
+from optopad.sims.optics.surface.curves import CONTACT_AREA
 
 RULES_ERROR = 3e-4
 """Error of fixed rules relative to the untouched flux, for a pair that a press changes [-]. For comparison: for flat

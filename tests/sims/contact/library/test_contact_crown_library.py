@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from design.errors import InputError, ModelScopeError
-from design.rules.shape import LARGEST_REACH, WALL_RADIUS_RANGE
-from sims.contact.crown import crown_drop, require_rim
-from sims.contact.library.build import (
+from optopad.design.errors import InputError, ModelScopeError
+from optopad.design.rules.shape import LARGEST_REACH, WALL_RADIUS_RANGE
+from optopad.sims.contact.crown import crown_drop, require_rim
+from optopad.sims.contact.library.build import (
     all_pads,
     crown_changes,
     crowned_pads,
@@ -19,7 +19,7 @@ from sims.contact.library.build import (
     library_depths,
     slope_and_bow,
 )
-from sims.contact.library.profile_library import (
+from optopad.sims.contact.library.profile_library import (
     CORNER,
     CROWN_CENTRE,
     CROWN_LAYERS,
@@ -30,15 +30,15 @@ from sims.contact.library.profile_library import (
     shipped_library,
     solved_crowns,
 )
-from sims.contact.library.smooth_press import (
+from optopad.sims.contact.library.smooth_press import (
     POISSON_RATIOS,
     SmoothPress,
     above_crown,
     nearly_incompressible,
     off_crown,
 )
-from sims.contact.library.stored_press import stored_press
-from sims.contact.scope import WALL_RADIUS
+from optopad.sims.contact.library.stored_press import stored_press
+from optopad.sims.contact.scope import WALL_RADIUS
 from tests.validation.contact.library_interpolation import distances_um
 
 DOME = (4.5, 5.5, 1 / 9)

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from design.errors import InputError, ModelScopeError
-from sims.contact.library.smooth_press import above_crown, on_crown
-from sims.contact.library.solved_press import SolvedPress
-from sims.contact.library.stored_press import PressInputs, entry_path, read_entry, write_entry
-from sims.contact.tip import tip_gap
+from optopad.design.errors import InputError, ModelScopeError
+from optopad.sims.contact.library.smooth_press import above_crown, on_crown
+from optopad.sims.contact.library.solved_press import SolvedPress
+from optopad.sims.contact.library.stored_press import PressInputs, entry_path, read_entry, write_entry
+from optopad.sims.contact.tip import tip_gap
 from tests.sims.contact.kept_presses import COARSE_MM, CROWNED_DEPTH_MM
 from tests.sims.contact.kept_presses import CROWNED_PAD as PAD
 from tests.validation.contact.crown.crowned_press import CrownedPress, crowned_press

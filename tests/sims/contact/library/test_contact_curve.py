@@ -5,8 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sims.contact.library.smooth_press import contact_coordinate, contact_tolerance, hertz_gap, surface_curve
-from sims.contact.tip import outside_tip, tip_coordinate, tip_gap, tip_outline
+from optopad.sims.contact.library.smooth_press import (
+    contact_coordinate,
+    contact_tolerance,
+    hertz_gap,
+    surface_curve,
+)
+from optopad.sims.contact.tip import outside_tip, tip_coordinate, tip_gap, tip_outline
 
 
 def hertz_surface(radius: np.ndarray, depth: float) -> np.ndarray:

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from design.errors import OutputError
-from design.spec import SensorDesign
-from sims.contact.indentation import solved_press
-from sims.contact.library import stored_press
-from sims.contact.library.build import (
+from optopad.design.errors import OutputError
+from optopad.design.spec import SensorDesign
+from optopad.sims.contact.indentation import solved_press
+from optopad.sims.contact.library import stored_press
+from optopad.sims.contact.library.build import (
     assembled,
     crown_changes,
     entry_inputs,
@@ -22,7 +22,7 @@ from sims.contact.library.build import (
     library_depths,
     write_library,
 )
-from sims.contact.library.profile_library import (
+from optopad.sims.contact.library.profile_library import (
     CORNER,
     FILE,
     LAYERS,
@@ -31,9 +31,9 @@ from sims.contact.library.profile_library import (
     pack,
     shipped_library,
 )
-from sims.contact.library.smooth_press import POISSON_RATIOS, SmoothPress, nearly_incompressible
-from sims.contact.library.solved_press import SolvedPress
-from sims.contact.library.stored_press import PressInputs
+from optopad.sims.contact.library.smooth_press import POISSON_RATIOS, SmoothPress, nearly_incompressible
+from optopad.sims.contact.library.solved_press import SolvedPress
+from optopad.sims.contact.library.stored_press import PressInputs
 from tests.validation.contact.library_interpolation import distances_um
 
 
@@ -48,7 +48,9 @@ def apart_um(left: SmoothPress, right: SmoothPress, depth: float) -> float:
 
 
 def test_library_is_small(library: Library) -> None:
-    assert len(resources.files("sims.contact.library").joinpath("data", FILE).read_bytes()) < 8 * 2**20
+    assert (
+        len(resources.files("optopad.sims.contact.library").joinpath("data", FILE).read_bytes()) < 8 * 2**20
+    )
     assert library.recipe == stored_press.RECIPE
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from design.errors import InputError, ModelScopeError
-from sims.contact.library.profile_library import shipped_library
-from sims.contact.library.solved_press import FAR, LARGEST_CHANGE, PlacedPress
+from optopad.design.errors import InputError, ModelScopeError
+from optopad.sims.contact.library.profile_library import shipped_library
+from optopad.sims.contact.library.solved_press import FAR, LARGEST_CHANGE, PlacedPress
 
 PAD = (32 / 3, 32 / 3)
 
@@ -59,8 +59,8 @@ def test_whole_tops_do_not_depend_on_where_the_near_curve_fades(monkeypatch: pyt
         return np.interp(radius, curve.radius, curve.height) + press.beside(1.0, x, x)
 
     first = top()
-    monkeypatch.setattr("sims.contact.library.solved_press.NEAR", 1.8)
-    monkeypatch.setattr("sims.contact.library.solved_press.FAR", 3.0)
+    monkeypatch.setattr("optopad.sims.contact.library.solved_press.NEAR", 1.8)
+    monkeypatch.setattr("optopad.sims.contact.library.solved_press.FAR", 3.0)
     # the linear layer is the solved top to 3 µm of a 3 mm tip where it takes over
     assert np.abs(top() - first).max() < 2.5e-3
 

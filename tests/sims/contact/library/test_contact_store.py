@@ -10,13 +10,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from design.spec import SensorDesign
-from sims.contact.indentation import solved_press
-from sims.contact.library import stored_press
-from sims.contact.library.build import fit_press
-from sims.contact.library.profiles import UnitPress
-from sims.contact.library.solved_press import SolvedPress
-from sims.contact.library.stored_press import cache_folder, entry_key, entry_path, read_entry, write_entry
+from optopad.design.spec import SensorDesign
+from optopad.sims.contact.indentation import solved_press
+from optopad.sims.contact.library import stored_press
+from optopad.sims.contact.library.build import fit_press
+from optopad.sims.contact.library.profiles import UnitPress
+from optopad.sims.contact.library.solved_press import SolvedPress
+from optopad.sims.contact.library.stored_press import (
+    cache_folder,
+    entry_key,
+    entry_path,
+    read_entry,
+    write_entry,
+)
 
 KEY = entry_key({"case": 1})
 

@@ -21,7 +21,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.optimize import brentq
 
-from design.arrays import FloatArray
+from optopad.design.arrays import FloatArray
 
 Slope = Callable[[FloatArray], FloatArray]
 

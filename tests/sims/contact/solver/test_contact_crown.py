@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from design.errors import InputError, ModelScopeError
-from design.rules.shape import LEAST_RIM_SHARE
-from sims.contact.crown import crown_drop, crown_slope, require_rim
-from sims.contact.mesh import RIM_SPACING, finer_towards_end, graded_spacing, radial_mesh
-from sims.contact.wedge import WEDGE_ANGLE, solve_wedge, sweep
+from optopad.design.errors import InputError, ModelScopeError
+from optopad.design.rules.shape import LEAST_RIM_SHARE
+from optopad.sims.contact.crown import crown_drop, crown_slope, require_rim
+from optopad.sims.contact.mesh import RIM_SPACING, finer_towards_end, graded_spacing, radial_mesh
+from optopad.sims.contact.wedge import WEDGE_ANGLE, solve_wedge, sweep
 
 CROWN, WALL = 3 / 14, 11 / 3
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sims.contact.mesh import FINE_RADIUS, GROWTH, graded_spacing, radial_mesh
+from optopad.sims.contact.mesh import FINE_RADIUS, GROWTH, graded_spacing, radial_mesh
 
 
 def signed_areas(mesh_nodes: np.ndarray, triangles: np.ndarray) -> np.ndarray:

@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from sims.contact.mesh import lame_parameters, nodal_forces, radial_mesh, volumes
-from sims.contact.wedge import compile_wedge, quiet_mujoco, sweep
+from optopad.sims.contact.mesh import lame_parameters, nodal_forces, radial_mesh, volumes
+from optopad.sims.contact.wedge import compile_wedge, quiet_mujoco, sweep
 
 CUBE = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
 TETRAHEDRA = np.array([[0, 4, 6, 7], [0, 6, 2, 7], [0, 2, 3, 7], [0, 3, 1, 7], [0, 1, 5, 7], [0, 5, 4, 7]])

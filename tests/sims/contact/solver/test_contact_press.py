@@ -9,15 +9,15 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.spatial import cKDTree
 
-from design.errors import ModelScopeError
-from design.spec import SensorDesign
-from sims.contact.indentation import indent
-from sims.contact.library.build import fit_press
-from sims.contact.library.profiles import UnitPress
-from sims.contact.library.smooth_press import SmoothPress, TopCurve, contact_tolerance, surface_curve
-from sims.contact.library.solved_press import SolvedPress
-from sims.contact.tip import tip_gap
-from sims.press import Indentation
+from optopad.design.errors import ModelScopeError
+from optopad.design.spec import SensorDesign
+from optopad.sims.contact.indentation import indent
+from optopad.sims.contact.library.build import fit_press
+from optopad.sims.contact.library.profiles import UnitPress
+from optopad.sims.contact.library.smooth_press import SmoothPress, TopCurve, contact_tolerance, surface_curve
+from optopad.sims.contact.library.solved_press import SolvedPress
+from optopad.sims.contact.tip import tip_gap
+from optopad.sims.press import Indentation
 
 CHECK_FORCE_N = {0.5: 1.261, 1.0: 3.758, 2.0: 11.06, 3.0: 19.89}
 """Check values of the feasibility study at 8 mm elastic depth, 3 mm tip, 1 MPa [N]."""

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sims.contact.mesh import radial_mesh
-from sims.contact.scope import ContactSolveError
-from sims.contact.wedge import (
+from optopad.sims.contact.mesh import radial_mesh
+from optopad.sims.contact.scope import ContactSolveError
+from optopad.sims.contact.wedge import (
     WEDGE_ANGLE,
     WINDOW,
     History,

@@ -7,8 +7,8 @@ import pytest
 from scipy.integrate import quad
 from scipy.special import j0, jv
 
-from sims.contact.library.profile_library import shipped_library
-from sims.contact.walls import (
+from optopad.sims.contact.library.profile_library import shipped_library
+from optopad.sims.contact.walls import (
     LOAD_RADII,
     BlockLayer,
     QuadraticAxis,

@@ -1,4 +1,4 @@
-"""Kernels that tests call: in the engine they have no entry from Python (`sims.optics.surface.radial.UNSEEN`).
+"""Kernels that tests call: in the engine they have no entry from Python (`optopad.sims.optics.surface.radial.UNSEEN`).
 
 Compiled once for their sources and kept on disk, as the engine's own entry points are.
 """
@@ -9,12 +9,12 @@ import sys
 
 import numpy as np
 
-from sims.kernels import entry_points
-from sims.optics.engine import straight as rays
-from sims.optics.engine.compiled import KERNEL_MODULES
-from sims.optics.surface import radial
-from sims.optics.surface import tops as top
-from sims.optics.surface.tops import surface_height
+from optopad.sims.kernels import entry_points
+from optopad.sims.optics.engine import straight as rays
+from optopad.sims.optics.engine.compiled import KERNEL_MODULES
+from optopad.sims.optics.surface import radial
+from optopad.sims.optics.surface import tops as top
+from optopad.sims.optics.surface.tops import surface_height
 
 entry = entry_points((*KERNEL_MODULES, sys.modules[__name__]), error_model="numpy")
 

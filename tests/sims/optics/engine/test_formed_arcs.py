@@ -8,20 +8,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from design.arrays import FloatArray
-from design.shape.cavity import Plan, facet
-from design.shape.outline import Line, Outline, stadium
-from sims.optics.engine.general import deposits as formed_deposits
-from sims.optics.engine.general import rays as formed_rays
-from sims.optics.engine.general.lower import walls_of
-from sims.optics.engine.general.patches import PatchLayout, is_in_plan, patch_layout
-from sims.optics.engine.trace_states import CLASS_NAMES, trace_scene
-from sims.optics.oracle import scene as oracle_scene
-from sims.optics.oracle.scene import outline_mm, wall_runs
-from sims.optics.oracle.tracer import trace_oracle
-from sims.optics.scene.lower import form_of
-from sims.optics.scene.optical_scene import OpticalScene
-from sims.optics.scene.symmetry import symmetries_of
+from optopad.design.arrays import FloatArray
+from optopad.design.shape.cavity import Plan, facet
+from optopad.design.shape.outline import Line, Outline, stadium
+from optopad.sims.optics.engine.general import deposits as formed_deposits
+from optopad.sims.optics.engine.general import rays as formed_rays
+from optopad.sims.optics.engine.general.lower import walls_of
+from optopad.sims.optics.engine.general.patches import PatchLayout, is_in_plan, patch_layout
+from optopad.sims.optics.engine.trace_states import CLASS_NAMES, trace_scene
+from optopad.sims.optics.oracle import scene as oracle_scene
+from optopad.sims.optics.oracle.scene import outline_mm, wall_runs
+from optopad.sims.optics.oracle.tracer import trace_oracle
+from optopad.sims.optics.scene.lower import form_of
+from optopad.sims.optics.scene.optical_scene import OpticalScene
+from optopad.sims.optics.scene.symmetry import symmetries_of
 from tests.sims.optics.oracle.form_scenes import block, crown_press, parts, top_of
 from tests.sims.optics.surface.analytic import compact_dimple
 

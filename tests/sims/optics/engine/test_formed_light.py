@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from design.arrays import FloatArray
-from design.errors import InputError, ModelScopeError
-from design.preset import preset
-from sims.optics.engine.general import pad as formed_pad
-from sims.optics.engine.trace_states import CLASS_NAMES, RawLight, trace_scene
-from sims.optics.oracle.tracer import trace_oracle
-from sims.optics.scene.lower import scene_of
-from sims.optics.scene.optical_scene import OpticalScene
-from sims.optics.tracing import pressed_tops
+from optopad.design.arrays import FloatArray
+from optopad.design.errors import InputError, ModelScopeError
+from optopad.design.preset import preset
+from optopad.sims.optics.engine.general import pad as formed_pad
+from optopad.sims.optics.engine.trace_states import CLASS_NAMES, RawLight, trace_scene
+from optopad.sims.optics.oracle.tracer import trace_oracle
+from optopad.sims.optics.scene.lower import scene_of
+from optopad.sims.optics.scene.optical_scene import OpticalScene
+from optopad.sims.optics.tracing import pressed_tops
 from tests.sims.optics.oracle.form_scenes import (
     crown_press,
     disc_scene,

@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sims.cache import LightStore
-from sims.optics.accuracy import ACCURACIES
-from sims.optics.engine import trace_states as engine
-from sims.optics.engine.general.lower import stack_formed
-from sims.optics.engine.light_rows import row_names
-from sims.optics.engine.trace_states import RawLight, trace_scene
-from sims.optics.scene.optical_scene import OpticalScene
-from sims.optics.scene.symmetry import each_its_own, state_classes, symmetries_of
+from optopad.sims.cache import LightStore
+from optopad.sims.optics.accuracy import ACCURACIES
+from optopad.sims.optics.engine import trace_states as engine
+from optopad.sims.optics.engine.general.lower import stack_formed
+from optopad.sims.optics.engine.light_rows import row_names
+from optopad.sims.optics.engine.trace_states import RawLight, trace_scene
+from optopad.sims.optics.scene.optical_scene import OpticalScene
+from optopad.sims.optics.scene.symmetry import each_its_own, state_classes, symmetries_of
 from tests.sims.optics.oracle.form_scenes import crown_press, disc_scene, with_top
 
 SCENE = disc_scene(6, 40.0)

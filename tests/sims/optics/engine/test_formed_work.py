@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from design.preset import preset
-from sims.optics.accuracy import ACCURACIES
-from sims.optics.engine.general import kernels as formed_kernels
-from sims.optics.engine.general import pad as formed_pad
-from sims.optics.engine.general.lower import windows_of
-from sims.optics.engine.general.points import pitch_of, points_of, top_grid
-from sims.optics.engine.general.rays import HALF_U
-from sims.optics.scene.lower import scene_of
+from optopad.design.preset import preset
+from optopad.sims.optics.accuracy import ACCURACIES
+from optopad.sims.optics.engine.general import kernels as formed_kernels
+from optopad.sims.optics.engine.general import pad as formed_pad
+from optopad.sims.optics.engine.general.lower import windows_of
+from optopad.sims.optics.engine.general.points import pitch_of, points_of, top_grid
+from optopad.sims.optics.engine.general.rays import HALF_U
+from optopad.sims.optics.scene.lower import scene_of
 
 CROWN = scene_of(preset("crowned-40x25"))
 

@@ -11,12 +11,12 @@ import numba
 import numpy as np
 import pytest
 
-from sims import cache as fingerprint
-from sims.optics.compiling import signatures
-from sims.optics.engine import compiled
-from sims.optics.engine.threads import between_pieces, run_each
-from sims.optics.engine.trace_states import trace_scene
-from sims.optics.scene.optical_scene import lambertian_pattern, smooth_field
+from optopad.sims import cache as fingerprint
+from optopad.sims.optics.compiling import signatures
+from optopad.sims.optics.engine import compiled
+from optopad.sims.optics.engine.threads import between_pieces, run_each
+from optopad.sims.optics.engine.trace_states import trace_scene
+from optopad.sims.optics.scene.optical_scene import lambertian_pattern, smooth_field
 from tests.bench.measures.start_time import first_trace
 from tests.sims.optics.oracle.oracle_scenes import ring_scene
 from tests.sims.optics.surface.analytic import compact_dimple

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sims.optics.engine import scattered as top_light
-from sims.optics.engine.trace_states import CLASS_NAMES, trace_scene
-from sims.optics.engine.untouched import packed
-from sims.optics.surface import tops as top_grid
-from sims.optics.surface.curves import CONTACT_R, SPHERE_R, TIP_R, X, Y
-from sims.optics.surface.tops import Top, stack_tops, surface_height
-from sims.press import Indentation
+from optopad.sims.optics.engine import scattered as top_light
+from optopad.sims.optics.engine.trace_states import CLASS_NAMES, trace_scene
+from optopad.sims.optics.engine.untouched import packed
+from optopad.sims.optics.surface import tops as top_grid
+from optopad.sims.optics.surface.curves import CONTACT_R, SPHERE_R, TIP_R, X, Y
+from optopad.sims.optics.surface.tops import Top, stack_tops, surface_height
+from optopad.sims.press import Indentation
 from tests.bench.measures.benchmark_states import (
     DEPTHS_MM,
     benchmark_scene,

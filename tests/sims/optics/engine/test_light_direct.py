@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sims.optics.engine.trace_states import Accuracy, trace_scene
-from sims.optics.scene.optical_scene import OpticalScene
+from optopad.sims.optics.engine.trace_states import Accuracy, trace_scene
+from optopad.sims.optics.scene.optical_scene import OpticalScene
 from tests.sims.optics.form_factors import parallel_factor, perpendicular_factor
 
 CHEAP = Accuracy(reference_rays=1024, flat_nodes=16)

@@ -5,9 +5,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from sims.optics.accuracy import ACCURACIES
-from sims.optics.engine.trace_states import trace_scene
-from sims.optics.engine.untouched import PATCH_MM, RADIOSITY_PATCHES, packed, untouched_pad
+from optopad.sims.optics.accuracy import ACCURACIES
+from optopad.sims.optics.engine.trace_states import trace_scene
+from optopad.sims.optics.engine.untouched import PATCH_MM, RADIOSITY_PATCHES, packed, untouched_pad
 from tests.sims.optics.oracle.oracle_scenes import dimple, ring_scene
 
 SERIES = 80

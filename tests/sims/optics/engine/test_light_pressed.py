@@ -7,7 +7,7 @@ import numba
 import numpy as np
 import pytest
 
-from sims.optics.engine.trace_states import ACCURACIES, CLASS_NAMES, trace_scene
+from optopad.sims.optics.engine.trace_states import ACCURACIES, CLASS_NAMES, trace_scene
 from tests.sims.optics.oracle.oracle_scenes import scene_of
 from tests.sims.optics.surface.analytic import compact_dimple
 

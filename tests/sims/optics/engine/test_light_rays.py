@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from design.preset import preset
-from sims.optics.engine.trace_states import ACCURACIES, CLASS_NAMES, trace_scene
-from sims.optics.tracing import trace
+from optopad.design.preset import preset
+from optopad.sims.optics.engine.trace_states import ACCURACIES, CLASS_NAMES, trace_scene
+from optopad.sims.optics.tracing import trace
 from tests.bench.measures.benchmark_states import (
     DEPTHS_MM,
     benchmark_scene,

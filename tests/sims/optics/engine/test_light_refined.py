@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sims.optics.engine.trace_states import CLASS_NAMES, trace_scene
+from optopad.sims.optics.engine.trace_states import CLASS_NAMES, trace_scene
 from tests.bench.measures.benchmark_states import DEPTHS_MM, benchmark_scene, benchmark_states
 
 WALKED = (

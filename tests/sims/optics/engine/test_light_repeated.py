@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sims.optics.engine.trace_states import ACCURACIES, CLASS_NAMES, trace_scene
+from optopad.sims.optics.engine.trace_states import ACCURACIES, CLASS_NAMES, trace_scene
 from tests.bench.measures.benchmark_states import DEPTHS_MM, benchmark_scene, benchmark_states
 
 MIRRORED = [CLASS_NAMES.index("top"), CLASS_NAMES.index("skirt")]

@@ -10,17 +10,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from design.preset import preset
-from sims.cache import SIZE_VARIABLE, LightStore
-from sims.optics import tracing
-from sims.optics.accuracy import ACCURACIES
-from sims.optics.engine import trace_states as engine
-from sims.optics.engine.light_rows import row_names
-from sims.optics.engine.trace_states import RawLight, trace_scene
-from sims.optics.scene.optical_scene import OpticalScene, smooth_field
-from sims.optics.surface.tops import stack_tops
-from sims.optics.tracing import trace
-from sims.press import Indentation
+from optopad.design.preset import preset
+from optopad.sims.cache import SIZE_VARIABLE, LightStore
+from optopad.sims.optics import tracing
+from optopad.sims.optics.accuracy import ACCURACIES
+from optopad.sims.optics.engine import trace_states as engine
+from optopad.sims.optics.engine.light_rows import row_names
+from optopad.sims.optics.engine.trace_states import RawLight, trace_scene
+from optopad.sims.optics.scene.optical_scene import OpticalScene, smooth_field
+from optopad.sims.optics.surface.tops import stack_tops
+from optopad.sims.optics.tracing import trace
+from optopad.sims.press import Indentation
 from tests.sims.optics.oracle.oracle_scenes import ring_scene
 from tests.sims.optics.surface.analytic import compact_dimple
 

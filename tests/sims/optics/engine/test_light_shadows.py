@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sims.optics.surface.curves import CONTACT_R
-from sims.optics.surface.tops import stack_tops
+from optopad.sims.optics.surface.curves import CONTACT_R
+from optopad.sims.optics.surface.tops import stack_tops
 from tests.bench.measures.benchmark_states import benchmark_scene, benchmark_states
 from tests.sims.optics.engine.called_kernels import height, height_and_slope, is_clear
 from tests.sims.optics.surface.test_light_surface import one_tip

@@ -5,9 +5,9 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from sims.optics.accuracy import ACCURACIES
-from sims.optics.engine import untouched
-from sims.optics.engine.untouched import UnshiftedPad, untouched_pad
+from optopad.sims.optics.accuracy import ACCURACIES
+from optopad.sims.optics.engine import untouched
+from optopad.sims.optics.engine.untouched import UnshiftedPad, untouched_pad
 from tests.bench.measures.benchmark_states import benchmark_scene, different_walls
 
 

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import sys
 
-from sims.kernels import entry_points
-from sims.optics.oracle import surface
-from sims.optics.oracle.tracer import MODULES
+from optopad.sims.kernels import entry_points
+from optopad.sims.optics.oracle import surface
+from optopad.sims.optics.oracle.tracer import MODULES
 
 _entry = entry_points((*MODULES, sys.modules[__name__]))
 

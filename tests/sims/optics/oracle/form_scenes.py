@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from design.arrays import FloatArray
-from design.shape.top import Top
-from sims.optics.scene.optical_scene import WHOLE_CIRCLE, OpticalScene, PadForm
-from sims.press import Indentation
+from optopad.design.arrays import FloatArray
+from optopad.design.shape.top import Top
+from optopad.sims.optics.scene.optical_scene import WHOLE_CIRCLE, OpticalScene, PadForm
+from optopad.sims.press import Indentation
 
 DISC_MM = 12.0
 """Radius of the round pads."""

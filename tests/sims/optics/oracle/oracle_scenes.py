@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from design.arrays import FloatArray
-from design.shape.top import Top
-from sims.optics.oracle.surface import Surface
-from sims.optics.oracle.top import Tip, lower_top
-from sims.optics.scene.optical_scene import OpticalScene, SmoothField, smooth_field
-from sims.press import Indentation
+from optopad.design.arrays import FloatArray
+from optopad.design.shape.top import Top
+from optopad.sims.optics.oracle.surface import Surface
+from optopad.sims.optics.oracle.top import Tip, lower_top
+from optopad.sims.optics.scene.optical_scene import OpticalScene, SmoothField, smooth_field
+from optopad.sims.press import Indentation
 
 
 def scene_of(

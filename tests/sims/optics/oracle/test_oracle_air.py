@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sims.optics.oracle.paths import sample_paths
-from sims.optics.oracle.scene import fresnel_reflectance, refracted_direction
-from sims.optics.oracle.top import lower_presses
-from sims.optics.oracle.tracer import CLASSES, trace_oracle
-from sims.optics.oracle.walk import FATES
-from sims.optics.scene.optical_scene import smooth_field
+from optopad.sims.optics.oracle.paths import sample_paths
+from optopad.sims.optics.oracle.scene import fresnel_reflectance, refracted_direction
+from optopad.sims.optics.oracle.top import lower_presses
+from optopad.sims.optics.oracle.tracer import CLASSES, trace_oracle
+from optopad.sims.optics.oracle.walk import FATES
+from optopad.sims.optics.scene.optical_scene import smooth_field
 from tests.sims.optics.oracle.called_oracle_kernels import tip_hit, top_entry, top_exit
 from tests.sims.optics.oracle.oracle_scenes import dimple, flat_top, ring_scene, scene_of, wrapped_press
 

@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from design.errors import InputError, ModelScopeError
-from sims.optics.oracle.paths import LightWalker
-from sims.optics.oracle.surface import CONTACT, FREE, INSIDE, NOTHING, OUTSIDE, is_untouched
-from sims.optics.oracle.top import lower_presses
-from sims.optics.oracle.tracer import CLASSES, trace_oracle
-from sims.optics.oracle.walk import FATES
-from sims.optics.scene.optical_scene import smooth_field
+from optopad.design.errors import InputError, ModelScopeError
+from optopad.sims.optics.oracle.paths import LightWalker
+from optopad.sims.optics.oracle.surface import CONTACT, FREE, INSIDE, NOTHING, OUTSIDE, is_untouched
+from optopad.sims.optics.oracle.top import lower_presses
+from optopad.sims.optics.oracle.tracer import CLASSES, trace_oracle
+from optopad.sims.optics.oracle.walk import FATES
+from optopad.sims.optics.scene.optical_scene import smooth_field
 from tests.said import says
 from tests.sims.optics.oracle.called_oracle_kernels import (
     is_in_elastomer,

@@ -10,11 +10,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from design.errors import InputError
-from sims.optics.oracle.paths import LightWalker, sample_paths
-from sims.optics.oracle.tracer import CLASSES, trace_oracle
-from sims.optics.oracle.walk import FATES
-from sims.optics.scene.optical_scene import ARC_COLUMNS, smooth_field
+from optopad.design.errors import InputError
+from optopad.sims.optics.oracle.paths import LightWalker, sample_paths
+from optopad.sims.optics.oracle.tracer import CLASSES, trace_oracle
+from optopad.sims.optics.oracle.walk import FATES
+from optopad.sims.optics.scene.optical_scene import ARC_COLUMNS, smooth_field
 from tests.said import says
 from tests.sims.optics.oracle.form_scenes import (
     DISC_MM,

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from design.errors import ModelScopeError
-from sims.optics.oracle.surface import CONTACT, FREE, INSIDE, NOTHING, OUTSIDE
-from sims.optics.scene.optical_scene import SmoothField, smooth_field
+from optopad.design.errors import ModelScopeError
+from optopad.sims.optics.oracle.surface import CONTACT, FREE, INSIDE, NOTHING, OUTSIDE
+from optopad.sims.optics.scene.optical_scene import SmoothField, smooth_field
 from tests.sims.optics.oracle.called_oracle_kernels import is_in_elastomer, top_height, top_hit
 from tests.sims.optics.oracle.oracle_scenes import (
     dimple,

@@ -8,9 +8,9 @@ import numba
 import numpy as np
 import pytest
 
-from design.errors import InputError
-from sims.optics.oracle.tracer import CLASSES, trace_oracle
-from sims.optics.oracle.walk import FATES
+from optopad.design.errors import InputError
+from optopad.sims.optics.oracle.tracer import CLASSES, trace_oracle
+from optopad.sims.optics.oracle.walk import FATES
 from tests.said import says
 from tests.sims.optics.oracle.oracle_scenes import dimple, ring_scene, scene_of, wrapped_press
 

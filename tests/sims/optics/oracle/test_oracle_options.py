@@ -7,13 +7,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from design.errors import InputError, ModelScopeError
-from sims.optics.oracle.chance import pattern_cosine, pattern_shares, table_value
-from sims.optics.oracle.paths import LightWalker
-from sims.optics.oracle.scene import fresnel_reflectance
-from sims.optics.oracle.tracer import CLASSES, trace_oracle
-from sims.optics.oracle.walk import FATES
-from sims.optics.scene.optical_scene import SmoothField, smooth_field
+from optopad.design.errors import InputError, ModelScopeError
+from optopad.sims.optics.oracle.chance import pattern_cosine, pattern_shares, table_value
+from optopad.sims.optics.oracle.paths import LightWalker
+from optopad.sims.optics.oracle.scene import fresnel_reflectance
+from optopad.sims.optics.oracle.tracer import CLASSES, trace_oracle
+from optopad.sims.optics.oracle.walk import FATES
+from optopad.sims.optics.scene.optical_scene import SmoothField, smooth_field
 from tests.said import says
 from tests.sims.optics.form_factors import parallel_factor
 from tests.sims.optics.oracle.oracle_scenes import dimple, flat_field, ring_scene, scene_of, wrapped_press

@@ -5,9 +5,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from design.errors import InputError
-from sims.optics.oracle.paths import LOST, LightWalker, sample_paths
-from sims.optics.oracle.tracer import CLASSES
+from optopad.design.errors import InputError
+from optopad.sims.optics.oracle.paths import LOST, LightWalker, sample_paths
+from optopad.sims.optics.oracle.tracer import CLASSES
 from tests.said import pattern
 from tests.sims.optics.oracle.called_oracle_kernels import is_in_elastomer
 from tests.sims.optics.oracle.oracle_scenes import dimple, flat_top, ring_scene, wrapped_press

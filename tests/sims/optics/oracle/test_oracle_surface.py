@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from design.errors import InputError
-from sims.optics.oracle.surface import CONTACT, FREE, NOTHING
-from sims.press import Indentation
+from optopad.design.errors import InputError
+from optopad.sims.optics.oracle.surface import CONTACT, FREE, NOTHING
+from optopad.sims.press import Indentation
 from tests.said import says
 from tests.sims.optics.oracle.called_oracle_kernels import is_in_elastomer, top_exit
 from tests.sims.optics.oracle.oracle_scenes import (

@@ -11,8 +11,8 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from sims.optics.oracle.paths import LightWalker
-from sims.optics.oracle.tracer import CLASSES, trace_oracle
+from optopad.sims.optics.oracle.paths import LightWalker
+from optopad.sims.optics.oracle.tracer import CLASSES, trace_oracle
 from tests.sims.optics.oracle.form_scenes import crown_press, disc_scene
 from tests.sims.optics.oracle.oracle_scenes import dimple, ring_scene, scene_of, wrapped_press
 

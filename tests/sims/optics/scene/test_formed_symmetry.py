@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from design.preset import preset
-from sims.optics.scene.lower import scene_of
-from sims.optics.scene.symmetry import symmetries_of
+from optopad.design.preset import preset
+from optopad.sims.optics.scene.lower import scene_of
+from optopad.sims.optics.scene.symmetry import symmetries_of
 from tests.sims.optics.oracle.form_scenes import disc_scene, rectangle_form, with_top
 
 PAD = scene_of(preset("piacenza2017-pad"))

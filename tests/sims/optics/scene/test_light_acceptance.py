@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from design.parts.catalog import Part
-from sims.optics.scene.optical_scene import (
+from optopad.design.parts.catalog import Part
+from optopad.sims.optics.scene.optical_scene import (
     cosine_nodes,
     half_angle_power,
     refracted_cosine,

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from design.errors import InputError
-from design.parts.angular import AngularTable
-from sims.optics.scene.optical_scene import (
+from optopad.design.errors import InputError
+from optopad.design.parts.angular import AngularTable
+from optopad.sims.optics.scene.optical_scene import (
     cosine_nodes,
     lambertian_pattern,
     normalised_pattern,

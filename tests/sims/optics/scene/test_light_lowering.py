@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from design.errors import InputError
-from design.preset import SHAPED_PRESETS, preset
-from design.shape.cavity import cavity_of
-from sims.optics.scene.lower import check_scene, scene_of
-from sims.optics.scene.optical_scene import COSINE_NODES, pattern_power, response_nodes
+from optopad.design.errors import InputError
+from optopad.design.preset import SHAPED_PRESETS, preset
+from optopad.design.shape.cavity import cavity_of
+from optopad.sims.optics.scene.lower import check_scene, scene_of
+from optopad.sims.optics.scene.optical_scene import COSINE_NODES, pattern_power, response_nodes
 from tests.design.parts.own_parts import SHEET, own_part, quantity, with_own_part
 from tests.design.spec.spec_fields import good
 

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from design.preset import preset
-from design.shape.cavity import cavity_of
-from sims.optics.scene.lower import scene_of
-from sims.optics.scene.symmetry import state_classes, symmetries_of
-from sims.verdict.pad_map import COARSE_PLACES, grid_places_mm, map_grid_mm
+from optopad.design.preset import preset
+from optopad.design.shape.cavity import cavity_of
+from optopad.sims.optics.scene.lower import scene_of
+from optopad.sims.optics.scene.symmetry import state_classes, symmetries_of
+from optopad.sims.verdict.pad_map import COARSE_PLACES, grid_places_mm, map_grid_mm
 
 PAD = preset("piacenza2017-pad")
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from design.errors import InputError
-from sims.optics.scene.optical_scene import SmoothField, smooth_field
+from optopad.design.errors import InputError
+from optopad.sims.optics.scene.optical_scene import SmoothField, smooth_field
 
 
 def wave(x, y):

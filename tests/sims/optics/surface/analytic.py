@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sims.press import Indentation
+from optopad.sims.press import Indentation
 
 
 def compact_dimple(

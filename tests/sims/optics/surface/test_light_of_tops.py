@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sims.optics.accuracy import ACCURACIES
-from sims.optics.engine.trace_states import CLASS_NAMES, trace_scene
-from sims.optics.oracle.tracer import CLASSES, trace_oracle
-from sims.optics.scene.optical_scene import lambertian_pattern, smooth_field
-from sims.optics.scene.symmetry import symmetries_of
+from optopad.sims.optics.accuracy import ACCURACIES
+from optopad.sims.optics.engine.trace_states import CLASS_NAMES, trace_scene
+from optopad.sims.optics.oracle.tracer import CLASSES, trace_oracle
+from optopad.sims.optics.scene.optical_scene import lambertian_pattern, smooth_field
+from optopad.sims.optics.scene.symmetry import symmetries_of
 from tests.sims.optics.form_factors import parallel_factor
 from tests.sims.optics.oracle.oracle_scenes import ring_scene, scene_of
 from tests.sims.optics.surface.analytic import compact_dimple

@@ -5,12 +5,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from sims.optics.engine.straight import MIN_STEP_MM
-from sims.optics.scene.optical_scene import smooth_field
-from sims.optics.surface import curves as surface
-from sims.optics.surface.curves import BEND, CELLS, PIECE_COLUMNS, WINDOW, node_radii_mm
-from sims.optics.surface.tops import Top, stack_tops
-from sims.press import Indentation
+from optopad.sims.optics.engine.straight import MIN_STEP_MM
+from optopad.sims.optics.scene.optical_scene import smooth_field
+from optopad.sims.optics.surface import curves as surface
+from optopad.sims.optics.surface.curves import BEND, CELLS, PIECE_COLUMNS, WINDOW, node_radii_mm
+from optopad.sims.optics.surface.tops import Top, stack_tops
+from optopad.sims.press import Indentation
 from tests.sims.optics.engine.called_kernels import (
     bend_at,
     first_chord,

@@ -8,18 +8,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from design.circuit.pins import frame_time_ms
-from design.preset import preset
-from design.spec.sensor import CHAIN, PURE, Noise
-from sims.readings.readout import Readout
-from sims.readings.signal_chain import (
+from optopad.design.circuit.pins import frame_time_ms
+from optopad.design.preset import preset
+from optopad.design.spec.sensor import CHAIN, PURE, Noise
+from optopad.sims.readings.readout import Readout
+from optopad.sims.readings.signal_chain import (
     SignalChain,
     chain_of,
     relative_power,
     shot_variance_per_count,
     without_noise,
 )
-from sims.verdict.depth_curve import noise_of
+from optopad.sims.verdict.depth_curve import noise_of
 
 DESIGN = preset("piacenza2017-pad")
 READOUT = Readout(counts_per_flux=54_500.0, full_scale_counts=1023.0)
@@ -146,7 +146,7 @@ def test_readings_follow_one_another_as_the_frame_does() -> None:
     at = chain().read_at_s
     assert (np.diff(at.reshape(-1)) > 0).all()
     assert at[0, 0] == pytest.approx(DESIGN.board.settle_us * 1e-6)
-    from design.circuit.pins import board_of
+    from optopad.design.circuit.pins import board_of
 
     frame_s = frame_time_ms(board_of(DESIGN), DESIGN.board, 8, 8) / 1e3
     assert at[-1, -1] < frame_s  # then one conversion and the line

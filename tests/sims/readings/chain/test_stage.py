@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from design.errors import ModelScopeError
-from design.preset import preset
-from design.spec.sensor import Noise
-from sims.readings.signal_chain import (
+from optopad.design.errors import ModelScopeError
+from optopad.design.preset import preset
+from optopad.design.spec.sensor import Noise
+from optopad.sims.readings.signal_chain import (
     PressDraw,
     blended,
     drawn_press,

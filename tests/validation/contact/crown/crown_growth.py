@@ -23,9 +23,9 @@ from pathlib import Path
 
 import numpy as np
 
-from design.arrays import FloatArray
-from sims.contact.library.profile_library import shipped_library
-from sims.press import Indentation
+from optopad.design.arrays import FloatArray
+from optopad.sims.contact.library.profile_library import shipped_library
+from optopad.sims.press import Indentation
 from tests.validation.contact.contact_comparison import PressError, press_error
 from tests.validation.contact.contact_reference import contact_edge, sampled_curve
 from tests.validation.contact.contact_table import markdown_table

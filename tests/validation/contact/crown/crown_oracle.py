@@ -14,7 +14,7 @@ The chart is exact (no chords stand for the crown) and smooth. Where the top mee
 of 90° and the slope of the crown there, one side bonded and one free: stress is singular, the more the wider the angle,
 and elements of one size converge slowly. So elements are halved again and again towards that rim (`RIM_CUTS`).
 
-Solid, contact and continuation are those of `elements`; nothing is shared with MuJoCo or with `sims.contact`.
+Solid, contact and continuation are those of `elements`; nothing is shared with MuJoCo or with `optopad.sims.contact`.
 
 Lengths in tip radii R, stresses in E, forces in E R². Left out: what the flat oracle leaves out (friction, viscosity,
 gravity).
@@ -27,7 +27,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from skfem import Basis, MeshQuad
 
-from design.arrays import FloatArray
+from optopad.design.arrays import FloatArray
 from tests.validation.elements.continuation import Continuation
 from tests.validation.elements.hyperelastic import Axisymmetric, Solid
 from tests.validation.elements.layer_mesh import Grading, halved, layer_mesh

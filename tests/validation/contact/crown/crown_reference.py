@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from design.arrays import FloatArray
+from optopad.design.arrays import FloatArray
 from tests.validation.contact.contact_reference import (
     FIELDS,
     POISSON_RATIO,

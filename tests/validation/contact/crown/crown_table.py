@@ -21,8 +21,8 @@ from pathlib import Path
 
 import numpy as np
 
-from sims.contact.library.stored_press import CACHE_VARIABLE
-from sims.press import Indentation
+from optopad.sims.contact.library.stored_press import CACHE_VARIABLE
+from optopad.sims.press import Indentation
 from tests.validation.contact.contact_comparison import PressError, oracle_error, press_error
 from tests.validation.contact.contact_reference import BUILD
 from tests.validation.contact.contact_table import markdown_table

@@ -16,14 +16,14 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from design.errors import InputError, ModelScopeError
-from design.rules.shape import DEEPEST_PRESS, LARGEST_SHARE_OF_LAYER, LAYER_DEPTH_RANGE
-from sims.contact.crown import require_rim
-from sims.contact.library.build import LEAST_DEPTH, MESH_RANGE, both_ratios
-from sims.contact.library.smooth_press import POISSON_RATIOS, SmoothPress, TopCurve, above_crown
-from sims.contact.library.stored_press import PressInputs
-from sims.contact.scope import solved_depths
-from sims.press import Indentation
+from optopad.design.errors import InputError, ModelScopeError
+from optopad.design.rules.shape import DEEPEST_PRESS, LARGEST_SHARE_OF_LAYER, LAYER_DEPTH_RANGE
+from optopad.sims.contact.crown import require_rim
+from optopad.sims.contact.library.build import LEAST_DEPTH, MESH_RANGE, both_ratios
+from optopad.sims.contact.library.smooth_press import POISSON_RATIOS, SmoothPress, TopCurve, above_crown
+from optopad.sims.contact.library.stored_press import PressInputs
+from optopad.sims.contact.scope import solved_depths
+from optopad.sims.press import Indentation
 
 CROWNED_MESH = 1 / 15
 """Node spacing under the tip [tip radii]: 0.2 mm for a 3 mm tip, that of the library."""

@@ -33,7 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import Basis, MeshHex
 
-from design.arrays import FloatArray
+from optopad.design.arrays import FloatArray
 from tests.validation.contact.contact_reference import BUILD, POISSON_RATIO
 from tests.validation.contact.contact_surface import ContactSurface, GapFunction
 from tests.validation.contact.crown.crown_oracle import Crown

@@ -25,11 +25,11 @@ from pathlib import Path
 
 import numpy as np
 
-from design.arrays import BoolArray, FloatArray
-from design.rules.shape import WALL_RADIUS_RANGE
-from sims.contact.library.profile_library import shipped_library
-from sims.contact.library.smooth_press import TopCurve, run_out
-from sims.contact.library.stored_press import CACHE_VARIABLE
+from optopad.design.arrays import BoolArray, FloatArray
+from optopad.design.rules.shape import WALL_RADIUS_RANGE
+from optopad.sims.contact.library.profile_library import shipped_library
+from optopad.sims.contact.library.smooth_press import TopCurve, run_out
+from optopad.sims.contact.library.stored_press import CACHE_VARIABLE
 from tests.validation.contact.contact_reference import BUILD
 from tests.validation.contact.contact_table import markdown_table
 from tests.validation.contact.crown.crown_oracle import Crown

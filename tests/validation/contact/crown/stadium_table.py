@@ -17,10 +17,10 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 
-from design.arrays import FloatArray
-from design.preset import preset
-from sims.contact.indentation import modulus_mpa
-from sims.contact.pad_surface import PadSurface, curve_height_mm, pad_surface
+from optopad.design.arrays import FloatArray
+from optopad.design.preset import preset
+from optopad.sims.contact.indentation import modulus_mpa
+from optopad.sims.contact.pad_surface import PadSurface, curve_height_mm, pad_surface
 from tests.validation.contact.contact_table import markdown_table, with_table
 from tests.validation.contact.crown.offset_oracle import OffsetPad, offset_state
 from tests.validation.contact.crown.offset_table import (

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sims.contact.library.stored_press import CACHE_VARIABLE
+from optopad.sims.contact.library.stored_press import CACHE_VARIABLE
 from tests.validation.contact.crown.crown_reference import CROWNS, DEPTHS, MILD, SHARP, TIP_MM, Pad
 from tests.validation.contact.crown.crown_table import (
     FRAGMENT,

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from design.preset import preset
-from design.shape.cavity import plan_of
+from optopad.design.preset import preset
+from optopad.design.shape.cavity import plan_of
 from tests.validation.contact.contact_reference import POISSON_RATIO
 from tests.validation.contact.crown.offset_oracle import OffsetPress, offset_state, rim_mesh
 from tests.validation.contact.crown.stadium_oracle import AREA_MM2, PADS, STORED
