@@ -9,7 +9,6 @@ import re
 import subprocess
 import sys
 import tomllib
-import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -280,16 +279,6 @@ def test_help_loads_no_heavy_library() -> None:
     result = run_python(program)
     assert result.returncode == 0, result.stderr
     assert json.loads(result.stdout.splitlines()[-1]) == []
-
-
-@pytest.mark.slow
-def test_the_wheel_holds_every_file_of_the_five_rooms_and_nothing_else(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path)]
-    subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
-    (wheel,) = tmp_path.glob("optopad-*.whl")
-    packed = {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
-    files = (path for room in ROOMS for path in (ROOT / room).rglob("*") if path.is_file())
-    assert packed == {name_of(path) for path in files if "__pycache__" not in path.parts}
 
 
 def test_the_project_refuses_to_be_uploaded() -> None:
