@@ -50,7 +50,7 @@ def started(
     arguments : arguments of the interpreter, for example ``["-m", "optopad.cad", ...]``
     stdin, stdout, stderr : redirections, passed to `subprocess.Popen`
     """
-    # -P: a user's own design.py or cad.py in the current folder must not replace ours
+    # -P: a user's own signal.py in the current folder must not replace Python's
     process = subprocess.Popen(
         [sys.executable, "-P", *arguments],
         env=os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},

@@ -64,9 +64,13 @@ def folder(out) -> Path:
 
 @pytest.fixture(scope="module")
 def quick(tmp_path_factory) -> Path:
-    """A run with a made-up score and without pictures of light, from a folder with a module of a room's name."""
+    """A run with a made-up score and without pictures of light, from a folder with modules of names in use."""
     here = tmp_path_factory.mktemp("quick")
-    (here / "design.py").write_text("raise SystemExit(1)", encoding="utf-8")
+    for name in (
+        "design.py",
+        "signal.py",
+    ):  # a folder's name in the checkout, and one of Python's own modules
+        (here / name).write_text("raise SystemExit(1)", encoding="utf-8")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(here)
         patch.setattr("optopad.sims.score.scoring.score", lambda design, **_: contiguous_score(design))
@@ -169,7 +173,7 @@ def test_the_page_opens_without_a_network(quick):
 
 
 def test_the_molds_process_takes_no_module_from_the_current_folder(quick):
-    assert (quick.parents[1] / "design.py").is_file()
+    assert (quick.parents[1] / "signal.py").is_file()
     assert json.loads((quick / "cad" / "checks.json").read_text(encoding="utf-8"))["ok"]
 
 
