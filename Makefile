@@ -26,7 +26,7 @@ DURATIONS = $(wildcard build/durations-*.txt)
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo studio test test-slow test-full test-all durations lint docs bench bench-smoke validate pins clean
+.PHONY: help setup demo studio test test-slow test-full test-all durations lint docs bench bench-smoke validate release-check pins clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## /\1|/p' Makefile | awk -F'|' '{printf "  make %-11s %s\n", $$1, $$2}'
@@ -100,6 +100,16 @@ validate: setup ## the figures of docs/validation, made anew (hours; interrupted
 	$(BIN)/python -m tests.validation.verdict.heights
 	$(BIN)/python -m tests.validation.verdict.presets_table
 	$(BIN)/python -m tests.validation.figures
+
+release-check: setup ## wheel and source distribution: built, checked, installed, and run outside the checkout
+	rm -rf build/dist build/release
+	$(BIN)/python -m hatchling build -d build/dist
+	$(BIN)/python -m venv build/release && build/release/bin/python -m pip install -q "twine>=6"
+	build/release/bin/twine check --strict build/dist/*
+	build/release/bin/python -m pip install -q -c constraints.txt "$$(ls build/dist/*.whl)[design]"
+	mkdir build/release/run && cd build/release/run && ../bin/optopad run $(DEMO)
+	build/release/bin/python -m pip install -q --no-deps --force-reinstall build/dist/*.tar.gz
+	cd build/release/run && ../bin/optopad check $(DEMO)
 
 pins: ## renew constraints.txt from a fresh environment (oldest supported Python: its versions serve the newer ones)
 	@$(call find_python,$(if $(PYTHON),$(PYTHON),python3.11)); \

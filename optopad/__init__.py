@@ -30,6 +30,8 @@ from optopad.api import (
     sweep,
 )
 
+__version__ = "0.2.0"
+
 __all__ = [
     "Observations",
     "Sensor",

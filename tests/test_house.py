@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 
+from optopad import __version__
 from tests.rooms import (
     FLOORS,
     arrows,
@@ -281,6 +282,8 @@ def test_help_loads_no_heavy_library() -> None:
     assert json.loads(result.stdout.splitlines()[-1]) == []
 
 
-def test_the_project_refuses_to_be_uploaded() -> None:
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    assert "Private :: Do Not Upload" in project["classifiers"]
+def test_the_version_is_that_of_the_newest_release_in_the_changelog() -> None:
+    released = re.findall(
+        r"^## \[(\d[^]]*)\]", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), flags=re.M
+    )
+    assert released[0] == __version__
