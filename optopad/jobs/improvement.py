@@ -43,6 +43,7 @@ from optopad.design.search.improve import (
     NEAR_BEST_MM,
     ORDERS,
     SAFE_MARGIN,
+    WORTH_ACCURACY,
     Judged,
     Kind,
     Range,
@@ -72,7 +73,7 @@ from optopad.design.spec.cheap_fields import CLEAR, HEIGHTS, TARGET
 from optopad.jobs.exploration import search
 from optopad.jobs.smallest_mold import least_rim, smallest_mold
 from optopad.report.search import search_page
-from optopad.results.improvement import Alternative, Improvement, Nearest
+from optopad.results.improvement import AT_RISK, Alternative, Improvement, Nearest
 from optopad.results.score import Score
 from optopad.results.shown import Search
 from optopad.sims.readings.readout import most_target_counts
@@ -761,7 +762,19 @@ class Confirmation:
             if kind == "most depth" and usable_of(one.tried.judged) < max(depths, default=0.0) + NEAR_BEST_MM:
                 continue
             found.append((kind, one))
+            bold = self._bolder(one) if kind == self.aim else None
+            if bold is not None:
+                found.append((kind + AT_RISK, bold))
         return found[:MOST_OFFERED]
+
+    def _bolder(self, robust: Scored) -> Scored | None:
+        """The best scored design in the aim, if it is better than the robust one by the share `WORTH_ACCURACY`."""
+        assert self.aim is not None
+        ranked = self._ranked(self.aim)
+        best, mine = (
+            ORDERS[self.aim](self.space, one.tried, self.accuracy)[0] for one in (ranked[0], robust)
+        )
+        return ranked[0] if best < mine - WORTH_ACCURACY * abs(mine) else None
 
     def _learn(self, judged: Judged, score: ContinuityScore) -> None:
         if score.margin is not None and judged.figures.get("margin") is not None:

@@ -25,6 +25,8 @@ AIM_TITLES = {
     "flush": "lowest above the surface",
 }
 """Title of each aim's alternative."""
+AT_RISK = " at risk"
+"""End of the kind of a design that is better in the aim, but whose verdict an unmeasured parameter can change."""
 WHOLE = 12
 """Largest number of lines for one text of the result, large enough that no text is cut."""
 
@@ -63,7 +65,8 @@ class Alternative:
     @property
     def title(self) -> str:
         """Text for the kind; an aim is the best value of its figure."""
-        return AIM_TITLES.get(self.kind, self.kind)
+        aim = self.kind.removesuffix(AT_RISK)
+        return AIM_TITLES.get(aim, aim) + self.kind[len(aim) :]
 
 
 @dataclass(frozen=True, kw_only=True)
