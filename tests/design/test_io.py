@@ -281,3 +281,13 @@ def test_a_curve_that_is_none_is_refused_with_its_file(tmp_path: Path) -> None:
         with pytest.raises(DesignError, match=r"curve\.csv: ") as err:
             led_with(curve, tmp_path, kind=kind)
         assert words in str(err.value)
+
+
+def test_a_byte_order_mark_is_skipped(tmp_path: Path) -> None:
+    (tmp_path / "d.toml").write_bytes(b"\xef\xbb\xbf" + design_text().encode())
+    assert load_design(tmp_path / "d.toml").digest == good().digest
+
+
+def test_windows_line_ends_make_the_same_design(tmp_path: Path) -> None:
+    (tmp_path / "d.toml").write_bytes(design_text().replace("\n", "\r\n").encode())
+    assert load_design(tmp_path / "d.toml").digest == good().digest

@@ -17,7 +17,8 @@ from typing import NoReturn
 import pytest
 
 from optopad.cli import main
-from optopad.design.errors import InputError, OutputError
+from optopad.design.errors import DesignError, InputError, OutputError
+from optopad.design.io import load_design
 from optopad.design.preset import preset
 from optopad.design.spec import SensorDesign
 from optopad.fabrication import bundle as module
@@ -435,3 +436,37 @@ def test_a_link_in_a_bundle_is_copied_as_a_link(tmp_path: Path) -> None:
     (folder / "link").symlink_to(tmp_path / "big", target_is_directory=True)
     make(tmp_path, "again")
     assert (folder / "link").is_symlink()
+
+
+def test_the_design_in_a_bundle_has_the_same_digest(tmp_path: Path) -> None:
+    assert load_design(make(tmp_path) / "design.toml").digest == PAD.digest
+
+
+def test_nothing_is_left_when_the_user_interrupts(tmp_path: Path) -> None:
+    with pytest.raises(KeyboardInterrupt), bundle(PAD, tmp_path, seed=0):
+        raise KeyboardInterrupt
+    assert names(tmp_path) == []
+
+
+def test_a_link_that_an_earlier_version_left_of_a_former_bundle_is_removed(tmp_path: Path) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "elsewhere" / "kept").write_text("kept")
+    folder = make(tmp_path)
+    (tmp_path / f".{folder.name}.old").symlink_to(tmp_path / "elsewhere")
+    make(tmp_path, "new")
+    assert names(tmp_path) == sorted([folder.name, "elsewhere"])
+    assert (tmp_path / "elsewhere" / "kept").read_text() == "kept"
+
+
+def test_a_change_of_places_that_was_cut_short_at_its_end_is_tidied_up(tmp_path: Path) -> None:
+    folder = make(tmp_path, "new")
+    shutil.copytree(folder, tmp_path / f".{folder.name}.old")
+    make(tmp_path, "newer")
+    assert (folder / "sims" / "score.json").read_text() == "newer"
+    assert names(tmp_path) == [folder.name]
+
+
+@pytest.mark.parametrize("name", ["../out", "a/b", "..", ".hidden", "a\\b/c", "/abs", "a\n", "", "a.", "CON"])
+def test_no_name_leads_out_of_the_folder(name: str) -> None:
+    with pytest.raises(DesignError, match="name"):
+        PAD.with_(name=name)

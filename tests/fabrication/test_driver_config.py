@@ -270,3 +270,13 @@ def test_beyond_a_crown_s_reach_the_normal_is_that_of_its_border() -> None:
     assert np.isfinite(point).all()
     assert normal[0] == pytest.approx(0.999)
     assert np.hypot(*normal[::2]) == pytest.approx(1.0)
+
+
+def test_the_pad_s_frame_has_72_readings_in_90_bytes_of_105() -> None:
+    frame = config_of(PAD).frame
+    assert (frame.readings, frame.bits_per_reading, frame.reading_bytes, frame.total_bytes) == (
+        72,
+        10,
+        90,
+        105,
+    )

@@ -7,6 +7,7 @@ import io
 import math
 import re
 from pathlib import Path
+from typing import NoReturn
 from xml.etree import ElementTree
 
 import pytest
@@ -20,6 +21,7 @@ from optopad.design.spec import SensorDesign
 from optopad.design.spec.properties import part_of
 from optopad.fabrication.driver_file import load_driver_config
 from optopad.fabrication.gain import SimulatedGain
+from optopad.fabrication.sheets import all_sheets as sheets
 from optopad.fabrication.sheets.all_sheets import sheet_texts, wiring_csv, write_sheets
 from optopad.fabrication.sheets.bom import bom_rows
 from optopad.fabrication.sheets.casting import casting_md, plain
@@ -202,3 +204,15 @@ def test_all_sheets_are_written_and_the_configuration_loads(design: SensorDesign
 
 def test_sheets_are_the_same_every_time() -> None:
     assert sheet_texts(PAD) == sheet_texts(preset("piacenza2017-pad"))
+
+
+def test_nothing_is_written_when_a_sheet_cannot_be_made(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*_: object) -> NoReturn:
+        raise RuntimeError
+
+    monkeypatch.setattr(sheets, "casting_md", broken)
+    with pytest.raises(RuntimeError):
+        write_sheets(PAD, tmp_path)
+    assert list(tmp_path.iterdir()) == []

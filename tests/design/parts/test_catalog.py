@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from optopad.design.errors import DesignError
 from optopad.design.parts import catalog
-from optopad.design.parts.catalog import CatalogEntries, Part, Quantity
+from optopad.design.parts.catalog import CatalogEntries, Elastomer, Part, Quantity
 from tests.said import says
 
 ENTRIES = catalog.packaged()
@@ -402,3 +402,9 @@ def test_a_bare_toml_date_is_taken_as_the_quotes_date():
     text = 'value = 1.5\ncurrency = "EUR"\ndate = 2024-05-01\nsource = "shop quote"'
     entries = catalog.parse_entries(part_with(cost=tomllib.loads(text)), "mine.toml")
     assert entries.parts["my-led"].cost.date == "2024-05-01"
+
+
+def test_entries_are_frozen():
+    with pytest.raises(ValueError, match="frozen"):
+        SYLGARD.title = "other"
+    assert isinstance(SYLGARD, Elastomer)

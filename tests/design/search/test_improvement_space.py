@@ -249,3 +249,17 @@ def test_a_good_base_is_left_alone_but_for_a_clear_gain():
     space = space_of(PAIR)
     base = Judged(figures={"margin": 9.0, "usable_depth_mm": 4.0}, verdict="CONTIGUOUS")
     assert picks(space, base, [], "resolvable_steps") == []
+
+
+def test_the_same_seed_finds_the_same_and_goes_on(tmp_path, around_thick):
+    _, whole = around_thick
+    space = space_of(THICK)
+    url, first = f"sqlite:///{tmp_path / 'study.db'}", first_points(space, sides=RAISED, short_mm=3.3)
+    explore(space, judge, url, trials=8, first=first)
+    resumed = explore(space, judge, url, first=first)
+    assert [one.parameters for one in resumed.tried] == [one.parameters for one in whole.tried]
+
+
+def test_nothing_is_picked_where_nothing_mends_the_base(tmp_path):
+    space, found = found_around(THICK, tmp_path, keep=[CLEAR, "receivers.height_mm"])
+    assert picks(space, found.base, found.tried, "resolvable_steps") == []

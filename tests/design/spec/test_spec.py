@@ -287,3 +287,10 @@ def test_a_digest_does_not_depend_on_the_order_of_keys(design: SensorDesign, ord
 def test_plain_data_goes_in_and_comes_out() -> None:
     design = SensorDesign.from_document(good_document(), where="good")
     assert SensorDesign.from_document(design.model_dump(mode="json"), where="again") == design
+
+
+def test_a_digest_is_64_hexadecimal_digits_and_stays() -> None:
+    design = good()
+    assert len(design.digest) == 64
+    assert int(design.digest, 16) >= 0
+    assert design.digest == good().digest == design.digest

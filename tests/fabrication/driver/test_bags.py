@@ -23,7 +23,8 @@ from optopad.fabrication.driver.recording.mcap_file import FRAME, PRESS, SENSOR,
 from optopad.fabrication.driver.recording.position_log import read_position_log
 from optopad.fabrication.driver.recording.recorded import Recorded
 from optopad.fabrication.driver.recording.recorder import Recorder
-from optopad.sims.readings.dataset import read_data
+from optopad.sims.readings.dataset import data_notes, read_data
+from optopad.sims.readings.recording import read_recording
 from optopad.work import as_netcdf
 from tests.fabrication.driver import made_up_bags as bags
 from tests.fabrication.driver.made_up_bags import (
@@ -574,3 +575,19 @@ def test_an_hour_at_200_hz_is_read_in_300_mb(tmp_path: Path) -> None:
     frames, lost, has_press, peak_mb = done.stdout.split()
     assert (int(frames), int(lost), has_press) == (count, 0, "True")
     assert float(peak_mb) < 300.0
+
+
+@pytest.mark.slow
+def test_every_verb_says_what_is_missing_of_a_recording(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    content = write_bag(tmp_path / "a.mcap", (EVENTS, TOPICS)).read_bytes()
+    file = tmp_path / "cut.mcap"
+    file.write_bytes(content[: int(0.8 * len(content))])
+    losses = read_recorded(file).losses
+    assert "the end is incomplete" in losses
+    assert main(["driver", "export", str(file), "--out", str(tmp_path / "cut.nc")]) == 0
+    assert losses in capsys.readouterr().out
+    with as_netcdf(file) as netcdf:
+        assert f"cut.mcap: {losses}" in data_notes(read_data(netcdf))
+        assert f"cut.mcap: {losses}" in read_recording(netcdf).notes

@@ -291,3 +291,15 @@ def test_a_folder_without_the_right_to_look_into_it_is_one_line(
     monkeypatch.setattr(Path, "exists", denied)
     _, said = refused(["check", "there/a.toml"], capsys)
     assert "there/a.toml: Permission" in said
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="needs Linux's /proc")
+@pytest.mark.parametrize("verb", WRITERS)
+def test_a_folder_that_only_seems_writable_is_refused_before_the_work(
+    folder: Path, capsys: pytest.CaptureFixture[str], verb: str
+) -> None:
+    out, err = refused([verb, "piacenza2017-pair", "--out", "/proc/nope"], capsys)
+    assert out == ""
+    assert err.startswith(
+        "optopad: --out /proc/nope: cannot be written: it does not exist and cannot be made: /proc: "
+    )

@@ -370,3 +370,9 @@ def test_a_drive_that_leaves_after_the_last_block_has_taken_the_file(
         assert "uploaded" in capsys.readouterr().out
     else:
         assert "Input/output" in refused(capsys, *given[1:])
+
+
+def test_a_budget_without_a_currency_and_a_missing_price_list_are_refused(capsys, tmp_path):
+    assert "--budget: '25'" in refused(capsys, "config", DESIGN, "--budget", "25")
+    assert "'XYZ' is not a known currency" in refused(capsys, "config", DESIGN, "--budget", "25XYZ")
+    assert "no.csv" in refused(capsys, "config", DESIGN, "--prices", str(tmp_path / "no.csv"))

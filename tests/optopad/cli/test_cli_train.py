@@ -156,3 +156,15 @@ def calibrate_notes(file: Path) -> tuple[str, ...]:
             preset(PAD), file, with_model=False, quick=True, seed=0, on_step=lambda *_: None
         )
     return made.notes
+
+
+def test_too_few_presses_are_refused_and_nothing_is_written(data, folder, capsys):
+    few = data.only(data.place_number < 8)
+    save_data(few, folder / "few.nc")
+    assert "has 8 locations, needs >= 9" in refused(["train", "few.nc"], capsys)
+    assert sorted(path.name for path in folder.iterdir()) == ["few.nc", "pad.nc"]
+
+
+def test_files_of_two_sensors_are_refused(data, folder, capsys):
+    save_data(replace(data, design_digest="00" * 32), folder / "other.nc")
+    assert "join recordings of one sensor only" in refused(["train", "pad.nc", "other.nc"], capsys)

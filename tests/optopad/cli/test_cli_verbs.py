@@ -138,3 +138,8 @@ def test_a_useless_number_of_builds_is_refused_before_anything_is_computed(folde
     assert main(["score", "piacenza2017-pair", *options]) == 2
     assert words in capsys.readouterr().err
     assert list(folder.iterdir()) == []
+
+
+def test_a_score_of_a_design_that_breaks_a_rule_leaves_no_folder(folder, capsys):
+    assert main(["score", "piacenza2017-pad", "--set", "emitters.height_mm=9"]) == 2
+    assert list(folder.iterdir()) == []

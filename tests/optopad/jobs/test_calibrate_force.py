@@ -173,3 +173,17 @@ def test_the_model_s_force_has_the_error_of_the_modulus() -> None:
     assert again.force_curve == curve
     assert header_of_json(header().to_json()).force_curve == header().force_curve
     assert calibration.MODEL_FILE.endswith(".optomodel")
+
+
+def test_a_force_in_grams_is_refused_before_the_light_is_fitted(
+    files: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log = read_force_log(files[1])
+    grams = write_log(tmp_path / "grams.csv", log.time_s, log.force_n / 9.80665e-3)
+    for name in ("read_data", "require_design", "data_notes"):
+        monkeypatch.setattr(calibration, name, lambda *_, **__: ())
+    monkeypatch.setattr(calibration, "calibrated", lambda *_, **__: pytest.fail("the light was fitted"))
+    with pytest.raises(InputError, match=r"81\.\d MPa, is 81\.\d times the design's.* is the force in grams"):
+        calibration.calibrate(
+            PAD, files[0], with_model=False, quick=True, seed=0, on_step=lambda *_: None, force=grams
+        )

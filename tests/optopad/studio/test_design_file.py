@@ -442,3 +442,14 @@ def test_edits_saved_on_the_way_load_as_the_design_on_the_table(data: st.DataObj
         assert [one for one in comments_of(preset_text(name)) if one not in after] == []
         shutil.copy(path, path.with_name("copy.toml"))
         assert DesignFile(str(path.with_name("copy.toml"))).saved.digest == design.digest
+
+
+def test_a_file_that_appears_meanwhile_is_not_overwritten(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    file = DesignFile(PAD)
+    target = copy_of(PAIR, tmp_path)
+    with pytest.raises(InputError, match="exists and is another file"):
+        file.save(file.saved, target.name)
+    assert target.read_text(encoding="utf-8") == preset_text(PAIR)

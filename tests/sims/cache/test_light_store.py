@@ -214,3 +214,16 @@ def test_a_folder_that_may_not_be_looked_into_holds_no_light(
     store.write(ROWS)
     assert store.read(list(ROWS)) == {}
     assert store.rows() == 0
+
+
+def test_a_flipped_byte_in_the_header_is_mended_by_the_next_writes(store: LightStore) -> None:
+    store.write(ROWS)
+    whole = store.path.read_bytes()
+    dead = []
+    for place in range(200):
+        store.path.write_bytes(whole[:place] + bytes([whole[place] ^ 0xFF]) + whole[place + 1 :])
+        for _ in range(2):  # the first may find the damage, and remove the file
+            store.write({b"new": b"row"})
+        if store.read([b"new"]) != {b"new": b"row"}:
+            dead.append(place)
+    assert dead == []

@@ -171,3 +171,17 @@ def test_racing_writers_leave_one_whole_entry(folder: Path, coarse_press: Solved
         assert writer.exitcode == 0
     assert seen > 0
     assert [path.name for path in folder.iterdir()] == [f"{KEY}.npz"]
+
+
+def test_an_entry_holds_no_pickles(folder: Path, coarse_press: SolvedPress) -> None:
+    write_entry(KEY, coarse_press.unit)
+    with np.load(entry_path(KEY), allow_pickle=False) as entry:
+        assert {entry[name].dtype.kind for name in entry.files} <= {"f", "U"}
+
+
+@pytest.mark.parametrize("keep", [0, 1, 200, -400, -1])
+def test_a_cut_entry_counts_as_absent(folder: Path, coarse_press: SolvedPress, keep: int) -> None:
+    write_entry(KEY, coarse_press.unit)
+    whole = entry_path(KEY).read_bytes()
+    entry_path(KEY).write_bytes(whole[:keep])
+    assert read_entry(KEY) is None

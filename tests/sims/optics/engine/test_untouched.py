@@ -44,3 +44,11 @@ def test_scattered_light_does_not_hang_on_the_size_of_patches(monkeypatch):
         found[size_mm] = untouched_pad(scene, settings, 0).diffuse[judged].sum()
     coarse, fine = found.values()
     assert abs(coarse / fine - 1.0) < 1e-3
+
+
+def test_a_full_store_lets_the_oldest_go():
+    store = {}
+    for number in range(untouched.REMEMBERED_PADS + 3):
+        untouched._remembered(store, str(number), lambda number=number: number)
+    assert list(store.values()) == list(range(3, untouched.REMEMBERED_PADS + 3))
+    assert untouched._remembered(store, "5", lambda: -1) == 5
