@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 
 from optopad.design.circuit.pins import board_of, frame_time_ms
-from optopad.design.parts.catalog import packaged
 from optopad.design.preset import preset
 from tests.validation.figures import PAGE, QUOTED, figures, page_text, quoted_anew, quoting
 from tests.validation.summaries import SUMMARIES, with_summaries
@@ -121,28 +120,3 @@ def test_frame_rates_are_those_of_the_timing_model() -> None:
             use = design.board.model_copy(update={"adc_prescaler": prescaler})
             took = frame_time_ms(board_of(design), use, int(emitters), int(receivers))
             assert int(1000 / took) == int(rate) or round(1000 / took) == int(rate)
-
-
-def test_the_table_of_boards_is_the_catalogue_and_the_timing_model() -> None:
-    page = (ROOT / "docs" / "how-to" / "program-board.md").read_text(encoding="utf-8")
-    rows = re.findall(
-        r"^\| [^|]+ \| `([a-z0-9-]+)` \| ([\d.]+) V \| (\d+) \| (\d+) \| (\d+) \| (.+) \|$",
-        page,
-        re.MULTILINE,
-    )
-    assert [row[0] for row in rows] == list(packaged().boards)
-    use = preset("piacenza2017-pad").board
-    for name, *numbers, rates in rows:
-        board = packaged().boards[name]
-        has = (board.pin_v, board.adc_bits, len(board.analog_channels), len(board.digital_pins))
-        assert [float(one) for one in numbers] == list(has), name
-        for count, said in zip((4, 8, 16), rates.split(" | "), strict=False):
-            entry = packaged().multiplexers["74hc4067"] if "mux" in said else None
-            room = len(board.digital_pins) - (entry.address_bits if entry else 0)
-            assert (count > room) == (said == "too few pins") or len(board.analog_channels) < count, (
-                name,
-                count,
-            )
-            if said[0].isdigit():
-                rate = 1000 / frame_time_ms(board, use, count, count, entry)
-                assert said.split()[0] == f"{rate:.0f}", (name, count)

@@ -64,8 +64,11 @@ from tests.fabrication.simulated_board import (
 from tests.fabrication.test_multiplexers import disc, errors
 from tests.said import says
 
-CONVERTERS = {"mcp3208": SUPPLY_MV, "ads8688": 5120}
-"""Full scale of each converter on the simulated board [mV]."""
+CONVERTERS = {
+    name: SUPPLY_MV if one.full_scale_v is None else round(1e3 * one.full_scale_v)
+    for name, one in packaged().converters.items()
+}
+"""Full scale of each converter of the catalogue on the simulated board [mV]."""
 MANY = {"pattern": "ring", "emitters": 30, "receivers": 32}
 SAID = [
     (7_000.0, pack_command(Command.RATE, 0)),
@@ -113,11 +116,12 @@ def test_every_receiver_is_followed_to_its_reading(converter: str) -> None:
     assert (config.board.converter, config.board.adc_bits) == (converter.upper(), adc_bits(design))
     assert config.board.spi_pins == spi_pins(design, board_of(design)) == (13, 11, 12)
     assert config.board.select_pins == select_pins(design)
-    assert config.frame.bits_per_reading == packaged().converters[converter].bits
+    known = packaged().converters[converter]
+    assert config.frame.bits_per_reading == known.bits
     wiring = {row["reference"]: row for row in csv.DictReader(io.StringIO(wiring_csv(design)))}
     drawing, settings = schematic_svg(design), firmware_settings(design)
     for column, entry in enumerate(config.receivers):
-        chip, channel = divmod(column, 8)
+        chip, channel = divmod(column, known.channels)
         label = f"U{chip + 1}-C{channel}"
         assert (entry.name, entry.column) == (f"R{column + 1}", column)
         assert (entry.channel, entry.channel_number, entry.address) == (label, chip, channel)
@@ -130,9 +134,8 @@ def test_every_receiver_is_followed_to_its_reading(converter: str) -> None:
         assert re.findall(r">D(\d+)<", block) == ["13", "11", "12", str(pin)]
     pins = {one.pin_number for one in connections_of(design).emitters}
     assert not pins & {*select_pins(design), *spi_pins(design, board_of(design))}
-    assert [row.references for row in bom_rows(design) if row.catalogue_id == converter] == [
-        ("U1", "U2", "U3")
-    ]
+    chips = tuple(f"U{chip + 1}" for chip in range(24 // known.channels))
+    assert [row.references for row in bom_rows(design) if row.catalogue_id == converter] == [chips]
 
 
 def test_every_emitter_is_followed_from_its_led_driver() -> None:
@@ -332,7 +335,10 @@ def settled_us(run: Run) -> float:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("converter", "driver"),
-    [("mcp3208", None), ("ads8688", None), ("mcp3208", "tlc5947"), ("ads8688", "tlc5947"), (None, "tlc5947")],
+    [
+        *((name, None) for name in CONVERTERS),
+        *(("mcp3208", "tlc5947"), ("ads8688", "tlc5947"), (None, "tlc5947")),
+    ],
 )
 @pytest.mark.parametrize("averages", [pytest.param(1, marks=pytest.mark.slow), 3])
 def test_the_firmware_reads_every_receiver_under_every_emitter(
@@ -489,7 +495,7 @@ FIVE_VOLT = {"logic_low_v": None, "logic_high_v": None}
         ({"board.receiver_channels": ["A0"]}, ["board's own converter", "remove it"]),
         ({"board.reference": "internal"}, ["board's own converter", "remove it"]),
         ({"board.kind": "nucleo-l432kc"}, ["board has pins", "set board.emitters"]),
-        ({"board.receivers.converter": "mcp3209"}, ["the catalogue", "did you mean mcp3208?"]),
+        ({"board.receivers.converter": "mcp3209"}, ["the catalogue", "did you mean mcp3208"]),
         ({"board.frame_rate_hz": 5000.0}, ["lower it", "name a faster converter"]),
     ],
 )  # fmt: skip

@@ -25,6 +25,7 @@ from optopad.design.circuit.pins import (
 from optopad.design.circuit.transimpedance import counts_per_flux_per_ohm
 from optopad.design.errors import DesignError
 from optopad.design.parts.catalog import find_board, packaged
+from optopad.design.rules.board import firmware_findings
 from optopad.design.rules.check import check
 from optopad.design.shape.cavity import cavity_of
 from optopad.design.spec import BoardUse
@@ -217,6 +218,20 @@ def test_every_packaged_board_says_its_voltages_and_which_readings_it_is_slow_fo
         assert board.supply_v is not None, name
         assert board.logic_v is not None, name
         assert board.divides_clock == (board.firmware is not None), name
+
+
+def test_no_two_packaged_boards_are_the_same_to_the_host_or_the_core() -> None:
+    boards = packaged().boards.values()
+    numbers = [board.link_number for board in boards]
+    macros = [board.arduino.core_macro for board in boards if board.arduino]
+    assert 0 not in numbers
+    assert [len({*numbers}), len({*macros})] == [len(numbers), len(macros)]
+
+
+def test_the_program_knows_each_pin_and_input_of_each_packaged_board() -> None:
+    for name, board in packaged().boards.items():
+        most = len(board.digital_pins), len(board.analog_channels)
+        assert list(firmware_findings(good(**{"board.kind": name}), board, *most)) == [], name
 
 
 @pytest.mark.parametrize(
