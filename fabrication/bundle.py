@@ -134,7 +134,7 @@ def altered_files(folder: Path) -> tuple[str, ...]:
         recorded = {name: record["sha256"] for name, record in manifest["files"].items()}
     except OSError as err:
         raise InputError(f"{folder}: no bundle: {MANIFEST}: {err.strerror}; name a bundle's folder") from None
-    except (ValueError, KeyError, TypeError, AttributeError):
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         raise InputError(
             f"{folder / MANIFEST}: damaged; run the command that made the bundle again"
         ) from None
@@ -292,7 +292,7 @@ def _former_manifest(folder: Path) -> dict[str, Any]:
         document = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
         runs, files = list(document["runs"]), dict(document["files"])
         complete = all(record["run"] in range(len(runs)) for record in files.values())
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return nothing
     return {"runs": runs, "files": files} if complete else nothing
 

@@ -124,7 +124,7 @@ def _further_places(folder: Path, wanted: Sequence[tuple[float, float]]) -> tupl
         return tuple((x, y) for x, y in known)
     try:
         return tuple((float(x), float(y)) for x, y in json.loads(file.read_text(encoding="utf-8")))
-    except (ValueError, TypeError):
+    except (ValueError, TypeError, RecursionError):
         raise InputError(
             f"{file}: damaged; remove the folder {folder}, or choose another with --out"
         ) from None

@@ -322,7 +322,7 @@ def _known_gain(folder: Path) -> SimulatedGain | None:
         return None
     try:
         return gain_of(json.loads(score.read_text(encoding="utf-8")))
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, RecursionError):
         raise InputError(f"{score}: damaged, or of an earlier version; run `optopad score` again") from None
 
 

@@ -213,7 +213,7 @@ def _read_score(file: Path) -> dict[str, Any]:
         return {}
     try:
         document = json.loads(file.read_text(encoding="utf-8"))
-    except ValueError:
+    except (ValueError, RecursionError):
         document = None
     if not isinstance(document, dict):
         raise InputError(f"{file}: damaged; run `optopad score` again")

@@ -282,7 +282,7 @@ def _set_of(row: Any, file: Path) -> SetEntry:
 def _json(found: xr.Dataset, name: str, absent: Any, file: Path) -> Any:
     try:
         value = json.loads(found.attrs[name]) if name in found.attrs else absent
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, RecursionError):
         raise InputError(f"{file}: attribute {name} is no JSON") from None
     if not isinstance(value, type(absent)):
         raise InputError(f"{file}: attribute {name} is {value!r}, needs a {type(absent).__name__}")

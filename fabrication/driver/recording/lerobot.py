@@ -231,7 +231,7 @@ class _DataSet:
             self._tasks = list(pd.read_parquet(old / "meta" / "tasks.parquet").index)
             self._stats = [json.loads((old / "meta" / "stats.json").read_text(encoding="utf-8"))]
             self._part, self._episodes_part = (_part_after(old / one) for one in (DATA, EPISODES))
-        except (OSError, ValueError, KeyError, TypeError) as err:
+        except (OSError, ValueError, KeyError, TypeError, RecursionError) as err:
             raise InputError(
                 f"--append: {old} is no data set of `driver export --lerobot`, or damaged ({err}); choose "
                 "another folder"
