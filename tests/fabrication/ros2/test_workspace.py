@@ -5,12 +5,12 @@ from __future__ import annotations
 import ast
 import re
 import sys
-import tomllib
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
 
+from optopad import __version__
 from optopad.cli import main
 from optopad.fabrication.ros2 import __main__ as driver_alone
 from optopad.fabrication.ros2.messages import definition, names
@@ -38,12 +38,11 @@ def test_the_driver_alone_writes_the_same_packages(
 
 def test_the_packages_are_whole(src: Path) -> None:
     assert sorted(one.name for one in src.iterdir()) == ["optopad_msgs", "optopad_ros"]
-    version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
     for package in src.iterdir():
         manifest = ElementTree.parse(package / "package.xml").getroot()
         assert (manifest.findtext("name"), manifest.findtext("license")) == (package.name, "MIT")
         assert not list(package.rglob("__pycache__"))
-        assert manifest.findtext("version") == version
+        assert manifest.findtext("version") == __version__
     listed = re.findall(r'"((?:msg|srv)/\w+\.\w+)"', (src / "optopad_msgs" / "CMakeLists.txt").read_text())
     there = [one.relative_to(src / "optopad_msgs").as_posix() for one in (src / "optopad_msgs").glob("*/*")]
     assert sorted(listed) == sorted(there)
