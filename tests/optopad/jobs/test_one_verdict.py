@@ -39,7 +39,9 @@ def told(found: ContinuityScore) -> tuple[Any, ...]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("design", [ROW, PAD], ids=["facing row", "pad"])
+@pytest.mark.parametrize(
+    "design", [pytest.param(ROW, marks=pytest.mark.full), PAD], ids=["facing row", "pad"]
+)
 def test_verdict_and_usable_depth_are_equal_wherever_they_are_told(design: SensorDesign, tmp_path):
     expected = told(score(design, tolerance=False))
     assert expected[1] is not None

@@ -135,18 +135,17 @@ def check_next_to_no_press(name, parts):
 
 SOONER = ("piacenza2017-pad", "piacenza2017-pair", "levi2013-disc", "gripper-stadium", "crowned-40x25")
 """Presets of which every shape is there; the others follow in the full tests."""
+BY_TIER = [name if name in SOONER else pytest.param(name, marks=pytest.mark.full) for name in PRESETS]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("name", BY_TIER)
 def test_next_to_no_press_changes_no_light_of_parts_with_angular_tables(name):
     check_next_to_no_press(name, OWN)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "name", [name if name in SOONER else pytest.param(name, marks=pytest.mark.full) for name in PRESETS]
-)
+@pytest.mark.parametrize("name", BY_TIER)
 def test_next_to_no_press_changes_no_light_of_any_part_of_the_catalogue(name):
     check_next_to_no_press(
         name, [part for part in packaged().parts.values() if part.kind in ("emitter", "receiver")]
