@@ -421,8 +421,8 @@ def hand_section(known: dict[str, Any]) -> str:
         "best by hand at the given workspace margin: "
         + "; ".join(told)
         + f". A verdict is robust if no unmeasured parameter changes it: {sum(one['robust'] for one in by_hand)} of "
-        f"{len(by_hand)} by hand. Improve offers a robust design first, and one that is better in the aim as *at risk*. "
-        "Improve was developed with this pad: the figures say nothing about other pads."
+        f"{len(by_hand)} by hand. Improve offers a robust design first, and one that is better in the aim as "
+        "*at risk*. Improve was developed with this pad: the figures say nothing about other pads."
     )
     heads = [
         "design",
