@@ -162,3 +162,8 @@ def test_without_a_folder_for_temporary_files_the_way_out_is_named(monkeypatch: 
     monkeypatch.setattr("tempfile.TemporaryDirectory", refuse(errno.ENOENT))
     with pytest.raises(OutputError, match="TMPDIR"):
         temporary_folder()
+
+
+@pytest.mark.parametrize("name", ["con-1", "console.toml", "COM10", "com", "lpt0", "a.con", "nul_", ".con"])
+def test_names_that_only_resemble_devices_are_taken(name: str) -> None:
+    assert name_fault(name) is None

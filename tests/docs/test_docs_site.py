@@ -5,6 +5,8 @@ from collections.abc import Iterator
 from fnmatch import fnmatch
 from pathlib import Path
 
+from offline_check import fetched_from_elsewhere
+
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 FIRST = DOCS / "index.md"
@@ -82,3 +84,9 @@ def test_the_names_that_stay_are_in_the_python_reference() -> None:
     text = (DOCS / "reference" / "python.md").read_text(encoding="utf-8")
     documented = set(re.findall(r"^\.\. auto\w+:: ([\w.]+)", text, flags=re.MULTILINE))
     assert set(STABLE_NAMES) - documented == set()
+
+
+def test_what_a_page_would_fetch_from_elsewhere_is_found() -> None:
+    page = '<script async src="https://cdn.example/x.js"></script><link rel="stylesheet" href="//fonts.example/a.css">'
+    assert len(fetched_from_elsewhere(page)) == 2
+    assert fetched_from_elsewhere('@import "https://fonts.example/a.css";', is_style=True)

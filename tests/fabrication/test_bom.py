@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 
 import pytest
 from hypothesis import given
@@ -177,3 +178,18 @@ def test_no_text_starts_a_formula_or_a_new_line(text: str) -> None:
         ["a"],
         [safe_text(text or "x")],
     ] or (not safe_text(text or "x"))
+
+
+@pytest.mark.parametrize("start", ["=", "+", "-", "@"])
+def test_a_title_that_looks_like_a_formula_is_defused(start: str) -> None:
+    entry = part_of(PAD, "osram-sfh206k", "receiver").model_dump(mode="json")
+    entry |= {"title": f'{start}HYPERLINK("http://x","y")', "manufacturer": f"{start}1+1"}
+    design = PAD.with_(catalog={"parts": {"osram-sfh206k": entry}})
+    found = next(row for row in rows_of(design) if row["catalogue_id"] == "osram-sfh206k")
+    assert found["item"] == f'\'{start}HYPERLINK("http://x","y")'
+    assert found["manufacturer"] == f"'{start}1+1"
+
+
+def test_negative_numbers_stay_numbers() -> None:
+    assert csv_text(["a", "b", "c"], [[-1.5, 0.1 + 0.2, None]]) == "a,b,c\n-1.5,0.3,\n"
+    assert math.isclose(float(csv_text(["a"], [[1e-4]]).splitlines()[1]), 1e-4)

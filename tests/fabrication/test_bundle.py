@@ -470,3 +470,27 @@ def test_a_change_of_places_that_was_cut_short_at_its_end_is_tidied_up(tmp_path:
 def test_no_name_leads_out_of_the_folder(name: str) -> None:
     with pytest.raises(DesignError, match="name"):
         PAD.with_(name=name)
+
+
+def test_the_same_run_twice_is_recorded_once(tmp_path: Path) -> None:
+    make(tmp_path, "one", seed=3)
+    manifest = json.loads((make(tmp_path, "two", seed=3) / MANIFEST).read_text())
+    assert [run["seed"] for run in manifest["runs"]] == [3]
+    assert {record["run"] for record in manifest["files"].values()} == {0}
+
+
+def test_what_an_earlier_version_left_is_swept_and_other_designs_work_is_not(tmp_path: Path) -> None:
+    left = tmp_path / f".{bundle_name(PAD)}.4711.partial"
+    other = tmp_path / f".{bundle_name(PAD)}.x-12345678.4711.partial"
+    for folder in (left, other):
+        folder.mkdir()
+        (folder / "half.txt").write_text("half")
+    folder = make(tmp_path)
+    assert names(tmp_path) == sorted([folder.name, other.name])
+    assert not (folder / "half.txt").exists()
+
+
+def test_designs_that_differ_have_bundles_of_their_own(tmp_path: Path) -> None:
+    thick = PAD.with_(**{"cavity.clear_thickness_mm": 10.0})
+    assert make(tmp_path, "a") != make(tmp_path, "b", design=thick)
+    assert len(names(tmp_path)) == 2

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from optopad.design.circuit import pins as timing
 from optopad.design.circuit.pins import assigned_pins
-from optopad.design.errors import InputError
+from optopad.design.errors import DesignError, InputError
 from optopad.design.preset import PRESETS, preset
 from optopad.design.shape.cavity import cavity_of
 from optopad.design.spec import SensorDesign
@@ -280,3 +281,23 @@ def test_the_pad_s_frame_has_72_readings_in_90_bytes_of_105() -> None:
         90,
         105,
     )
+
+
+def test_a_pin_given_twice_is_refused() -> None:
+    with pytest.raises(DesignError, match=r"board\.emitter_pins"):
+        driver_config(PAD.with_(**{"board.emitter_pins": [22] * 8}))
+
+
+def test_the_timing_budget_of_the_pad_is_the_sum_by_hand() -> None:
+    budget = config_of(PAD).timing
+    assert budget.conversion_us == pytest.approx(13 * 64 / 16)
+    assert budget.link_ms == pytest.approx(105 * 10 / 1e6 * 1e3)
+    assert budget.frame_ms == pytest.approx(9 * (0.020 + 8 * 0.052) + 1.05)
+    assert budget.possible_hz == pytest.approx(1000 / budget.frame_ms)
+    assert budget.wanted_hz == 60.0
+
+
+def test_the_baud_error_is_that_of_the_clock() -> None:
+    board = config_of(PAD.with_(**{"board.baud": 115200})).board
+    assert board.baud_error == pytest.approx(16e6 / (8 * 17) / 115200 - 1)
+    assert board.made_baud == pytest.approx(timing.made_baud(16_000_000, 115200))

@@ -189,3 +189,7 @@ def test_the_maps_of_a_real_score_are_those_of_the_bundle(tmp_path):
         for name in again.maps.data_vars:
             np.testing.assert_array_equal(again.maps[name].values, stored[name].values, err_msg=str(name))
     assert again.to_dict() == json.loads((made.folder / "sims" / "score.json").read_text(encoding="utf-8"))
+
+
+def test_changes_on_loading_are_those_of_with():
+    assert optopad.load("piacenza2017-pair", cavity__clear_thickness_mm=10.0).digest == THICK.digest

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from optopad.design.errors import DesignError
 from optopad.design.fields.base import leaves, set_at
 from optopad.design.io import dump_design
-from optopad.design.spec import SensorDesign
+from optopad.design.spec import SensorDesign, Viscoelastic
 from tests.design.bad_designs import design_text
 from tests.design.for_each import for_each
 from tests.design.spec.spec_fields import (
@@ -294,3 +294,25 @@ def test_a_digest_is_64_hexadecimal_digits_and_stays() -> None:
     assert len(design.digest) == 64
     assert int(design.digest, 16) >= 0
     assert design.digest == good().digest == design.digest
+
+
+def test_with_takes_several_paths_at_once() -> None:
+    design = good().with_(**{"layout.0.parts_per_side": 2, "board.frame_rate_hz": 30})
+    assert design.layout[0].parts_per_side == 2  # type: ignore[union-attr]
+    assert design.board.frame_rate_hz == 30.0
+
+
+def test_with_sets_the_first_measurement_of_a_part() -> None:
+    design = good().with_(**{"part_measurements.osram-sfh206k.active_width_mm": 2.6})
+    assert design.part_measurements == {"osram-sfh206k": {"active_width_mm": 2.6}}
+
+
+def test_with_fills_an_optional_table_that_was_absent() -> None:
+    design = good(**{"elastomer.viscoelastic": None})
+    assert design.elastomer.viscoelastic is None
+    changes = {"elastomer.viscoelastic.relaxed_share": 0.3, "elastomer.viscoelastic.time_constant_s": 2.0}
+    assert design.with_(**changes).elastomer.viscoelastic == Viscoelastic(
+        relaxed_share=0.3, time_constant_s=2.0
+    )
+    with pytest.raises(DesignError, match=r"elastomer\.viscoelastic\.time_constant_s: is missing"):
+        design.with_(**{"elastomer.viscoelastic.relaxed_share": 0.3})

@@ -164,3 +164,8 @@ def test_a_fault_of_the_simulated_board_is_named_through_the_whole_driver(
     ):
         verdict = check_frames(sensor.frames(count=60), sensor.descriptor, sensor.self_test())
     assert [(p.kind, p.parts) for p in verdict.problems] == [(kind, parts)]
+
+
+def test_faults_of_three_kinds_at_once_are_each_named() -> None:
+    found = kinds(check_frames(readings("swap:E1,E4", "dead:R2", "saturated:R7"), FOUND))
+    assert sorted(found) == [("dead", ("R2",)), ("saturated", ("R7",)), ("swapped", ("E1", "E4"))]

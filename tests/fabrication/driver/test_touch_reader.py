@@ -204,3 +204,8 @@ def test_a_model_of_another_sensor_is_refused(changes: dict[str, object], told: 
 
 def test_a_model_that_names_no_design_is_taken() -> None:
     require_fits(header(design_digest=None), Sensor(CONFIG, "loop://").descriptor)
+
+
+def test_the_untouched_levels_are_held_during_a_touch(touches: list[tuple[float, Touch]]) -> None:
+    assert all(touch.drift.is_held for touch in between(touches, 1.25, 1.45))
+    assert not any(touch.drift.is_held for touch in between(touches, 0.7, 0.95))

@@ -303,3 +303,16 @@ def test_a_folder_that_only_seems_writable_is_refused_before_the_work(
     assert err.startswith(
         "optopad: --out /proc/nope: cannot be written: it does not exist and cannot be made: /proc: "
     )
+
+
+def test_checking_a_bad_design_shows_its_fault_and_writes_nothing(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for bad in BAD_DESIGNS:
+        path = put_anew(bad, folder)
+        before = everything_under(folder.parent)
+        out, err = refused(["check", str(path)], capsys)
+        said = " ".join((out + err).split())
+        assert [word for word in bad.words if word not in said] == [], bad.id
+        assert [word for word in JARGON if word in said] == [], bad.id
+        assert everything_under(folder.parent) == before, bad.id

@@ -346,3 +346,10 @@ def test_importance_finds_the_field_that_matters(space, tmp_path, capsys):
     assert sum(shares.values()) == pytest.approx(1.0, abs=1e-9)
     # 9 mm is best by up to 0.75, the layout by 0.1; a fair share of two fields is a half
     assert shares["cavity.clear_thickness_mm"] > 0.6
+
+
+def test_another_base_is_another_search(space, tmp_path, capsys):
+    plain = explored(space, tmp_path / "out", capsys, "--trials", "1")
+    changed = explored(space, tmp_path / "out", capsys, "--trials", "1", "--set", "gain.target_counts=500")
+    assert plain["digest"] != changed["digest"]
+    assert plain["folder"] != changed["folder"]

@@ -12,6 +12,7 @@ from optopad.design.io import load_design
 from optopad.design.parts.catalog import CatalogEntries, packaged
 from optopad.design.parts.listing import kinds_of
 from optopad.design.parts.packages import packages
+from optopad.design.preset import preset
 from tests.said import says
 
 LED = {
@@ -230,3 +231,20 @@ def test_a_quantity_of_a_data_sheet_in_a_design_names_the_command(capsys, place,
     printed = capsys.readouterr()
     said = " ".join((printed.out + printed.err).split())
     assert [word for word in (*words, "optopad part new") if word not in said] == [], said
+
+
+def test_an_amplifier_has_the_limits_that_the_circuit_needs(capsys):
+    assert main(["parts", "--kind", "Amplifier"]) == 0
+    (line,) = (line for line in capsys.readouterr().out.splitlines() if "mcp6004 " in line)
+    assert "1.8 to 6 V, 1 MHz, 0.6 V/us, bias 1 (at most 30) pA, output to 0.025 V below the supply" in line
+
+
+def test_the_view_of_a_part_that_has_none_leaves_the_digest_of_a_design():
+    pad = preset("piacenza2017-pad")
+    assert pad.digest.startswith("0c3a4f54")
+    entry = packaged().parts["sunled-xscwd23mb"].model_dump(mode="json")
+    assert "view" not in entry
+    mine = pad.with_(catalog={"parts": {"sunled-xscwd23mb": entry}})
+    same = pad.with_(catalog={"parts": {"sunled-xscwd23mb": entry | {"view": None}}})
+    assert "view" not in mine.model_dump(mode="json")["catalog"]["parts"]["sunled-xscwd23mb"]
+    assert mine.digest == same.digest != pad.digest

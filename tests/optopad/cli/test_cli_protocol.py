@@ -163,3 +163,9 @@ def test_traced_walls_that_come_loose_change_signals_where_walls_mirror(folder):
         way_in, way_back = signal[:7], signal[7:][::-1]
         assert way_back[2] - way_in[2] > 2.0  # 0 mm: whole walls before, loose ones after
         assert way_back[-1] == pytest.approx(way_in[-1], abs=1.0)  # the turn
+
+
+def test_clipped_channels_are_reported(folder, capsys, made_up_light):
+    command = ["simulate", "piacenza2017-pad", "--protocol", "small.toml"]
+    assert main([*command, "--set", "gain.target_counts=2000", "--set", "gain.feedback_ohm=common"]) == 0
+    assert "warning   64 of 72 channels clip at 1023 counts" in capsys.readouterr().out

@@ -143,3 +143,8 @@ def test_a_useless_number_of_builds_is_refused_before_anything_is_computed(folde
 def test_a_score_of_a_design_that_breaks_a_rule_leaves_no_folder(folder, capsys):
     assert main(["score", "piacenza2017-pad", "--set", "emitters.height_mm=9"]) == 2
     assert list(folder.iterdir()) == []
+
+
+def test_check_exits_2_on_an_error_and_names_the_field(folder, capsys):
+    assert main(["check", "piacenza2017-pad", "--set", "emitters.height_mm=9"]) == 2
+    assert "emitters.height_mm" in capsys.readouterr().out

@@ -185,3 +185,13 @@ def test_a_comparison_that_cannot_be_made_is_refused(judged, tmp_path, capsys, m
     assert main(["compare", *arguments]) == 2
     assert words in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_lead_within_the_uncertainties_is_no_win():
+    assert comparing._winner("lower", (1.0, 1.1), (0.08, 0.08)) is None
+    assert comparing._winner("lower", (1.0, 1.2), (0.08, 0.08)) == 0
+    assert comparing._winner("higher", (1.0, 1.2, 1.2), (0.0, 0.0, 0.0)) is None
+    assert comparing._winner("higher", (1.0, None), (0.0, 0.0)) is None
+    never = float("inf")  # not resolved
+    assert comparing._winner("lower", (never, 1.0), (0.0, 0.1)) == 1
+    assert comparing._winner("lower", (never, never), (0.0, 0.0)) is None

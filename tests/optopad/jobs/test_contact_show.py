@@ -116,3 +116,16 @@ def test_a_protocol_deeper_than_the_model_is_refused(tmp_path, monkeypatch, caps
     thin = ["--set", "cavity.clear_thickness_mm=4", "--set", "operating.max_depth_mm=2"]
     assert main(["contact", "show", PAD, *thin, "--depth", "1", "--protocol", "piacenza2017"]) == 2
     assert "--protocol piacenza2017: 5 mm" in capsys.readouterr().err
+
+
+def test_a_measured_modulus_has_no_band(shown):
+    found = json_of(shown(PAD, "--set", "elastomer.youngs_modulus_mpa=1.2", "--json"))
+    assert found["force_band_n"] is None
+    assert found["modulus_mpa"]["confidence"] == "measured"
+
+
+def test_an_untouched_pad_is_flat(shown):
+    found = json_of(shown(PAD, "--depth", "0", "--json"))
+    assert found["force_n"] == found["contact_radius_mm"] == 0.0
+    assert set(found["height_mm"]) == {0.0}
+    assert found["pressure"]["peak_mpa"] is None

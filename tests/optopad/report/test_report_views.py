@@ -17,7 +17,7 @@ from optopad.fabrication.sheets.casting import casting_md
 from optopad.report.scenes.mold_scene import mold_scene
 from optopad.report.scenes.pair_scene import STEPS, pair_scene
 from optopad.report.sections.maps import load_map, map_scene
-from optopad.report.words import html_of
+from optopad.report.words import html_of, script_text
 from optopad.sims.optics.light_signals import LightSignals
 from optopad.sims.verdict.depth_curve import noise_units
 from optopad.sims.verdict.pad_map import Place, pad_profile
@@ -190,3 +190,8 @@ def test_what_a_design_says_in_its_build_sheet_stays_text() -> None:
     said = html_of(casting_md(PAIR.with_(description=attack)))
     assert "<img" not in said
     assert attack.strip() in Page(f"<main>{said}</main>").text
+
+
+def test_the_script_names_no_address_and_closes_no_element() -> None:
+    assert "http" not in script_text()
+    assert "</" not in script_text()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import os
 import subprocess
 import sys
 import threading
@@ -97,3 +99,14 @@ def test_the_mold_is_the_printed_one_in_the_frame_of_the_cavity() -> None:
     assert low[:2] == pytest.approx([-outline.wall_x_mm, -outline.wall_y_mm], abs=0.01)
     assert low[2] == pytest.approx(outline.bottom_mm, abs=0.01)
     assert high[2] >= outline.top_mm - 0.01
+
+
+def test_a_result_of_another_time_is_not_taken_for_this_one(tmp_path: Path, monkeypatch) -> None:
+    former = tmp_path / "improve-piacenza2017-pair-00000000" / "improve.json"
+    former.parent.mkdir()
+    former.write_text(json.dumps({"alternatives": []}), encoding="utf-8")
+    os.utime(former, (1e9, 1e9))
+    monkeypatch.setattr(actions, "started", program(""))
+    said: list[Said] = []
+    Task(tmp_path, said.append).improve(PAIR, lambda _ghosts: pytest.fail("nothing was found"))
+    assert until(said, "its result cannot be read").is_bad

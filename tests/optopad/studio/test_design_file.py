@@ -453,3 +453,120 @@ def test_a_file_that_appears_meanwhile_is_not_overwritten(
     with pytest.raises(InputError, match="exists and is another file"):
         file.save(file.saved, target.name)
     assert target.read_text(encoding="utf-8") == preset_text(PAIR)
+
+
+def test_a_part_that_leaves_its_pattern_leaves_the_text_around_the_layout_in_place(tmp_path: Path) -> None:
+    text = preset_text(PAD)
+    start, end = text.index("[[layout]]"), text.index("[indenter]")
+    told = "# Walls first, corners free.\n"
+    text = text[:end] + "# What presses it:\n" + text[end:]
+    text = text[:start] + told + text[start:]
+    path = copy_of(PAD, tmp_path, text)
+    file = DesignFile(str(path))
+    file.save(dragged(file.saved))
+    after = path.read_text(encoding="utf-8")
+    assert after.startswith(text[: start + len(told)])
+    assert after.endswith("\n# What presses it:\n" + text[text.index("[indenter]") :])
+    first = after[start + len(told) :].splitlines()
+    assert first[:3] == [
+        "[[layout]]",
+        "# parts_per_side = 4          # two emitters and two receivers on each wall, in turn",
+        'pattern = "single"',
+    ]
+
+
+def test_other_patterns_of_a_layout_keep_their_text_when_one_is_taken_apart(tmp_path: Path) -> None:
+    row = '[[layout]]  # row of {0}\npattern = "per_side"\nkind = "{0}"\n{1} = 3  # on the {1}\n\n'
+    text = preset_text(PAD)
+    start, end = text.index("[[layout]]"), text.index("[indenter]")
+    text = text[:start] + row.format("emitter", "west") + row.format("receiver", "east") + text[end:]
+    path = copy_of(PAD, tmp_path, text)
+    file = DesignFile(str(path))
+    design = dragged(file.saved, 1)
+    file.save(design)
+    after = path.read_text(encoding="utf-8")
+    assert load_design(path).digest == design.digest
+    assert row.format("receiver", "east") in after
+    assert after.index("# row of emitter\n") < after.index("# west = 3  # on the west\n")
+    assert after.count('pattern = "single"') == 3
+    require_kept(text, after)
+    changed = design.with_(**{"layout.3.east": 4, "layout.3.shift_mm": 0.5})
+    file.save(changed)
+    assert "east = 4  # on the east\nshift_mm = 0.5\n\n[indenter]" in path.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_an_optional_field_set_and_unset_leaves_the_file_as_it_was(name: str, tmp_path: Path) -> None:
+    path = copy_of(name, tmp_path)
+    file = DesignFile(str(path))
+    design = file.saved
+    for key, value in (
+        ("elastomer.youngs_modulus_mpa", 2.0),
+        ("elastomer.viscoelastic", {"relaxed_share": 0.1, "time_constant_s": 1.0}),
+    ):
+        file.save(design.with_(**{key: value}))
+        assert path.read_text(encoding="utf-8") != preset_text(name)
+        file.save(design)
+        assert path.read_text(encoding="utf-8") == preset_text(name)
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_saving_twice_is_saving_once(name: str, tmp_path: Path) -> None:
+    path = copy_of(name, tmp_path)
+    file = DesignFile(str(path))
+    file.save(file.saved)
+    assert path.read_text(encoding="utf-8") == preset_text(name)
+    for design in (dragged(file.saved), file.saved.with_(**FIELDS["heights"])):
+        file.save(design)
+        once = path.read_bytes()
+        file.save(design)
+        assert path.read_bytes() == once
+    DesignFile(str(path)).save(design)
+    assert path.read_bytes() == once
+
+
+def test_a_design_whose_own_parts_were_changed_since_is_saved_as_it_was(tmp_path: Path) -> None:
+    (tmp_path / "own.toml").write_text(OWN_PARTS, encoding="utf-8")
+    path = copy_of(PAD, tmp_path, 'catalog_files = ["own.toml"]\n' + preset_text(PAD))
+    before = DesignFile(str(path)).saved
+    (tmp_path / "own.toml").write_text("", encoding="utf-8")
+    file = DesignFile(str(path))
+    assert file.saved.digest != before.digest
+    file.save(before)
+    assert load_design(path).digest == before.digest
+    require_kept(preset_text(PAD), path.read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("name", [DISC, DOME])
+@pytest.mark.parametrize("number", [0, -1])
+def test_a_part_turned_out_of_its_ring_keeps_every_comment_and_every_other_line(
+    name: str, number: int, tmp_path: Path
+) -> None:
+    path = copy_of(name, tmp_path)
+    file = DesignFile(str(path))
+    design = dragged(file.saved, number)
+    file.save(design)
+    text = path.read_text(encoding="utf-8")
+    assert load_design(path).digest == design.digest
+    require_kept(preset_text(name), text)
+    gone, new = changed_lines(preset_text(name), text)
+    assert {line.split(" = ")[0] for line in gone} == {"pattern", "count"} | (
+        {"first_angle_deg"} if name == DISC else set()
+    )
+    kinds = {line.split(" = ")[0] for line in new if not line.startswith("#")}
+    assert kinds == {"[[layout]]\n", "\n", "pattern", "kind", "angles_deg"}
+    file.save(dragged(design, number))
+    gone, new = changed_lines(text, path.read_text(encoding="utf-8"))
+    assert [line.split(" = ")[0] for line in (*gone, *new)] == ["angles_deg", "angles_deg"]
+
+
+@pytest.mark.parametrize("name", SHAPED_PRESETS)
+def test_every_field_of_a_disc_or_crown_is_saved_with_its_comments(name: str, tmp_path: Path) -> None:
+    path = copy_of(name, tmp_path)
+    file = DesignFile(str(path))
+    for field in editable_fields_of(preset(name)):
+        value = field.choices[-1] if isinstance(field.value, str) else field.value + field.step
+        design = preset(name).with_(**changes_of(preset(name), field.path, value))
+        file.save(design)
+        assert load_design(path).digest == design.digest
+        require_kept(preset_text(name), path.read_text(encoding="utf-8"))

@@ -281,3 +281,14 @@ def test_a_layout_taken_apart_is_the_same_layout(where: str) -> None:
         name: (*at[:3], *(round(one, 6) for one in at[3:])) for name, at in places(design).items()
     } == places(found)
     assert placed_singles(design, []) == design.model_dump(mode="json")["layout"]
+
+
+@for_each(DISCS)
+def test_a_ring_taken_apart_and_made_again_is_the_same_ring(where: str) -> None:
+    design = DISCS[where].with_(**{"layout.0.first_angle_deg": 12.5})
+    assert pattern_of(design) == ROUND_PATTERNS[0]
+    apart = design.with_(**changes_of(design, "layout", BY_HAND))
+    assert pattern_of(apart) == BY_HAND
+    assert {one.pattern for one in apart.layout} == {"at_angles"}
+    assert places(apart) == places(design)
+    assert apart.with_(**changes_of(apart, "layout", ROUND_PATTERNS[0])).digest == design.digest

@@ -318,3 +318,13 @@ def test_a_frame_of_the_queue_that_was_dropped_is_missed(
         monkeypatch.undo()
         view = waited(live, lambda view: view.view_lost > 0)
     assert view.lost == 0
+
+
+def test_closing_does_not_wait_for_a_simulated_board_that_is_not_ready(tmp_path: Path) -> None:
+    live = sensor("fake", tmp_path)
+    live.start()
+    time.sleep(0.3)
+    begun_s = time.monotonic()
+    live.close()
+    assert time.monotonic() - begun_s < 2.0
+    assert "optopad live" not in [thread.name for thread in threading.enumerate()]

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from optopad.design.errors import InputError
 from optopad.design.preset import preset, preset_text
 from optopad.design.rules.check import check
 from optopad.design.shape.cavity import workspace_of
@@ -356,3 +357,34 @@ def test_every_change_is_told_to_those_who_listen(session: Session) -> None:
     session.say("hello")
     assert [one.is_bad for one in told] == [False, True, True, False, False, False, False]
     assert told[-1].text == "hello"
+
+
+def test_an_edit_after_undo_ends_what_could_be_done_again(session: Session, clock: Clock) -> None:
+    thicknesses(session, clock, 9.0, 10.0)
+    session.undo()
+    thicknesses(session, clock, 11.0)
+    assert session.can_redo is False
+    session.undo()
+    assert session.design.cavity.clear_thickness_mm == 9.0
+
+
+def test_a_comment_more_is_kept_and_takes_no_edit_away(session: Session, file: Path) -> None:
+    session.set_field("receivers.height_mm", 5.9)
+    edited_outside(file, "[cavity]\n", "[cavity]  # as poured on Monday\n")
+    said = session.said
+    session.look_at_file()
+    assert session.said is said
+    assert session.design.receivers.height_mm == 5.9
+    assert session.save()
+    assert "[cavity]  # as poured on Monday\n" in file.read_text(encoding="utf-8")
+
+
+def test_a_file_that_names_an_unknown_part_is_said_and_edits_are_kept(session: Session, file: Path) -> None:
+    session.set_field(CLEAR, 9.0)
+    edited_outside(file, '"osram-sfh206k"', '"osram-sfh299"')
+    session.look_at_file()
+    assert session.said.is_bad
+    assert "receivers.part" in session.said.text
+    assert session.design.cavity.clear_thickness_mm == 9.0
+    with pytest.raises(InputError, match=r"receivers\.part"):
+        Session(DesignFile(str(file)))

@@ -358,3 +358,26 @@ def test_the_score_has_the_bits_of_a_score_without_a_studio_although_presses_wer
         "what_matters",
         "warnings",
     }
+
+
+def test_an_untouched_pad_is_flat_and_bears_nothing() -> None:
+    with working(request_of(press=LivePress(x_mm=9.0, y_mm=11.0, depth_mm=0.0))) as (_, answers):
+        answers.wait(lambda one: isinstance(one, Look))
+        (look,) = answers.of(Look)
+        assert (look.force_n, look.contact_radius_mm) == (0.0, 0.0)
+        assert (look.points_mm[:, 2] == 8.0).all()
+
+
+def test_a_newer_design_ends_a_score_that_is_under_way(slow_score: dict[str, Any]) -> None:
+    newer = PAIR.with_(**{CLEAR: 9.0})
+    with working(request_of(is_thorough=True)) as (shop, answers):
+        answers.wait(is_level("draft"))
+        answers.wait(lambda one: isinstance(one, Progress) and one.stage == "map")
+        began = time.monotonic()
+        shop.want(request_of(newer, is_thorough=False))
+        answers.wait(lambda one: isinstance(one, Curves) and one.digest == newer.digest)
+        assert time.monotonic() - began < 5.0
+        assert (slow_score["begun"], slow_score["ended"]) == (1, 1)
+        assert slow_score["steps"] < 6000
+        answers.wait(lambda one: isinstance(one, LiveVerdict) and one.digest == newer.digest)
+        assert {one.digest for one in answers.of(LiveVerdict) if one.level != "draft"} == set()

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from optopad.sims.bounds.detection_threshold import _first_reached_mm
 from optopad.sims.bounds.fisher import Bounds, Steps, stencil_derivatives, stencil_presses
 from optopad.sims.bounds.observability import depth_weights, median_of, share_of
 
@@ -58,3 +59,9 @@ def test_stencil_gives_the_gradient_of_a_quadratic_exactly():
 def test_no_press_of_the_stencil_leaves_the_surface():
     voxels = np.array([[5.0, 5.0, 0.05], [5.0, 5.0, 3.0]])
     assert stencil_presses(voxels, Steps().offsets_mm(voxels[:, 2]))[:, 2].min() > 0.0
+
+
+def test_a_press_is_felt_where_the_line_between_samples_meets_the_threshold():
+    depth = np.array([0.0, 0.1, 0.3])
+    change = np.array([[[0.0, 2.0, 6.0], [0.0, 1.0, 2.9]]])
+    assert _first_reached_mm(depth, change, 3.0)[0] == pytest.approx([0.15, np.inf])

@@ -268,3 +268,12 @@ def test_no_display_and_no_global_figures_are_needed():
         [sys.executable, "-c", program], cwd=root, capture_output=True, text=True, check=True
     )
     assert found.stdout.strip() == "False"
+
+
+def test_a_measured_modulus_has_no_band():
+    measured = replace_quantity(low=None, high=None)
+    assert len(plot_force(made_up_force(band=(1.0, 1.0)), measured).collections) == 0
+
+
+def replace_quantity(**changes: object) -> object:
+    return MODULUS.model_copy(update=changes)
