@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from optopad.design.circuit.circuit import Circuit
 from optopad.design.fields.quantity import Quantity
 from optopad.design.mold.filling import is_cast_under_lid
 from optopad.design.mold.outline import outline_of
@@ -203,13 +204,14 @@ def _fit(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str]:
     yield ""
     yield "| part | references | base above black layer | fit, gap at each side | leads | polarity |"
     yield "|---|---|---|---|---|---|"
+    circuit = Circuit.of(design)
     for group in _groups(cavity.parts):
         first = group[0]
         leads = "down through the floor" if first.part.mounting == "radial" else "out through the wall's back"
         names = " ".join(part.name for part in group)
         fitted = f"{fit_name(design.mold, first.part_id)}, {clearance_mm(design.mold, first.part_id):.2f}"
         row = f"{first.part_id} | {names} | {first.body_base_mm:.2f} | {fitted} | {leads}"
-        yield f"| {row} | {polarity_of(first, design)} |"
+        yield f"| {row} | {polarity_of(first, circuit)} |"
     yield ""
     yield "1. Solder wires to surface parts first, in the solder jig; test every part before it is cast in."
     yield "2. Seat each body on the floor of its socket: that sets its height."

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from optopad.design.circuit.circuit import Circuit
 from optopad.design.circuit.transimpedance import Feedback, counts_per_flux_per_ohm, settling_findings
 from optopad.design.parts.assumptions import ohm_text
 from optopad.design.shape.cavity import cavity_of, facing_pairs
@@ -20,18 +21,19 @@ def gain_lines(design: SensorDesign, gain: SimulatedGain | None) -> Iterator[str
     """Lines of the section on amplifiers in the casting instructions, as Markdown."""
     yield "## Set the gain"
     yield ""
-    feedbacks = feedbacks_for(design, gain)
+    circuit = Circuit.of(design)
+    feedbacks = feedbacks_for(circuit, gain)
     if feedbacks is None:
-        yield from _unknown(design)
+        yield from _unknown(circuit)
     else:
-        yield from _values(design, feedbacks, None if gain is None else gain.counts_per_flux)
+        yield from _values(circuit, feedbacks, None if gain is None else gain.counts_per_flux)
     yield from _trimming(design)
     if gain is not None:
         yield from _clipped(design, gain)
 
 
-def _unknown(design: SensorDesign) -> Iterator[str]:
-    if counts_per_flux_per_ohm(design) is None:
+def _unknown(circuit: Circuit) -> Iterator[str]:
+    if counts_per_flux_per_ohm(circuit) is None:
         yield "No feedback resistor is computed: that needs the emitters' power, which the catalogue does not have for"
         yield "all of them (give `part_measurements.<part>.radiant_power_mw`)."
     else:
@@ -41,12 +43,12 @@ def _unknown(design: SensorDesign) -> Iterator[str]:
 
 
 def _values(
-    design: SensorDesign, feedbacks: tuple[Feedback, ...], gain: tuple[float, ...] | None
+    circuit: Circuit, feedbacks: tuple[Feedback, ...], gain: tuple[float, ...] | None
 ) -> Iterator[str]:
-    names = [one.name for one in cavity_of(design).receivers]
-    per_ohm = counts_per_flux_per_ohm(design)
+    names = [one.name for one in circuit.cavity.receivers]
+    per_ohm = counts_per_flux_per_ohm(circuit)
     assert per_ohm is not None
-    yield f"By `gain.feedback_ohm` = {_rule(design)}:"
+    yield f"By `gain.feedback_ohm` = {_rule(circuit.design)}:"
     yield ""
     yield (
         "| receivers | required | for the bands of power and responsivity | fit RF | gain error | CF | "
@@ -60,7 +62,7 @@ def _values(
     star = "*" if per_ohm[0].confidence in ("inferred", "unverified") else ""
     yield f"One ohm gives {per_ohm[0].value:.3g}{star} counts if a receiver receives an emitter's total power"
     yield f"({plain(per_ohm[0].source)})."
-    yield from (f"Warning: {plain(str(one))}." for one in settling_findings(design, gain))
+    yield from (f"Warning: {plain(str(one))}." for one in settling_findings(circuit, gain))
     yield ""
 
 

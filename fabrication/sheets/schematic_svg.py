@@ -17,8 +17,8 @@ instructions on the emitters' resistors, currents and supply.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
+from optopad.design.circuit.circuit import Circuit
 from optopad.design.circuit.emitter_switch import (
     CurrentSink,
     SupplyCurrent,
@@ -28,47 +28,34 @@ from optopad.design.circuit.emitter_switch import (
     supply_current,
     transistor_of,
 )
-from optopad.design.circuit.pins import (
-    address_pins,
-    amplifier_v,
-    board_of,
-    converter_of,
-    driver_of,
-    multiplexer_of,
-    receiver_paths,
-    select_pins,
-    shift_register_of,
-    spi_pins,
-    switch_pins,
-)
 from optopad.design.circuit.transimpedance import Feedback
 from optopad.design.parts.assumptions import ohm_text
 from optopad.design.parts.catalog import Board, find_amplifier
-from optopad.design.shape.cavity import cavity_of
 from optopad.design.spec import SensorDesign
-from optopad.design.spec.properties import entries_of
 from optopad.fabrication.connections import Connection, connections_of, pin_words
 from optopad.fabrication.gain import SimulatedGain, feedbacks_for
+from optopad.fabrication.pinouts import Pinout, pinouts_of
 from optopad.fabrication.sheets import svg
 from optopad.fabrication.sheets.svg import Element, Point
 
 
 def circuit_lines(design: SensorDesign, gain: SimulatedGain | None = None) -> Iterator[str]:
     """Lines of the section on the emitters' switches and supply in the casting instructions, as Markdown."""
-    kinds = {one.part_id: one.part for one in cavity_of(design).emitters}
-    board, current = board_of(design), _current(design, gain)
+    circuit = Circuit.of(design)
+    kinds = {one.part_id: one.part for one in circuit.cavity.emitters}
+    board, current = circuit.board, _current(circuit, gain)
     amplifiers = f"{_ma(current.amplifiers_ma)}{'' if current.is_amplifier_known else '*'}"
-    driver, most_ma = most_drive_ma(design, board)
+    driver, most_ma = most_drive_ma(circuit)
     more = f", converters and LED drivers ({current.circuits_ma:.0f})" if current.circuits_ma else ""
     yield "## Wire the emitters"
     yield ""
-    sink, chip = current_sink(design), driver_of(design)
+    sink, chip = current_sink(circuit), circuit.led_driver
     if sink is not None and chip is not None:
         yield f"Each anode to the supply, each cathode to its output of a {chip.name}, as `schematic.svg` draws it."
         yield f"A resistor of {ohm_text(sink.reference_ohm)} from IREF of each {chip.name} to ground sets"
         yield f"{sink.current_ma:.1f} mA through the emitter that is on."
         yield ""
-        yield f"The supply, {_supply_text(design)}, gives {current.full_power_ma:.0f}* mA at full power: one emitter"
+        yield f"The supply, {_supply_text(circuit)}, gives {current.full_power_ma:.0f}* mA at full power: one emitter"
         yield f"({current.emitter_ma:.0f}), the amplifiers ({amplifiers}) and the board"
         yield f"({current.board_ma:.0f}*){more}. If a fault lit all emitters, it would be {current.fault_ma:.0f}*."
         yield ""
@@ -84,7 +71,7 @@ def circuit_lines(design: SensorDesign, gain: SimulatedGain | None = None) -> It
         lit = f"{switch.usual_current_ma:.1f} usual, {switch.current_ma:.1f} at most"
         yield f"| {part_id} | {series} | {ohm_text(switch.base_ohm)} | {lit} | {pin} |"
     yield ""
-    yield f"The supply, {_supply_text(design)}, gives {current.full_power_ma:.0f}* mA at full power: one emitter"
+    yield f"The supply, {_supply_text(circuit)}, gives {current.full_power_ma:.0f}* mA at full power: one emitter"
     yield f"lit with its base current ({current.emitter_ma:.0f}), the amplifiers ({amplifiers}) and the"
     yield f"board ({current.board_ma:.0f}*){more}. If a fault lit all emitters, it would be {current.fault_ma:.0f}*."
     yield ""
@@ -114,21 +101,16 @@ def schematic_svg(design: SensorDesign, gain: SimulatedGain | None = None) -> st
     ------
     DesignError : the catalogue does not have a part, or the board does not have a pin.
     """
-    connections, feedbacks = connections_of(design), feedbacks_for(design, gain)
-    notes, sink = _notes(design, gain), current_sink(design)
-    blocks = [
-        *_shift_registers(design),
-        *_led_drivers(design),
-        *_multiplexers(design),
-        *_converters(design),
-    ]
+    circuit = Circuit.of(design)
+    connections, feedbacks = connections_of(circuit), feedbacks_for(circuit, gain)
+    notes, sink, blocks = _notes(circuit, gain), current_sink(circuit), pinouts_of(circuit)
     cell_x = CELL_X + (PIN_ROOM if blocks else 0.0)
     across = min(MOST_ACROSS, max(len(connections.emitters), len(connections.receivers)))
     rows_lit = -(-len(connections.emitters) // across)
     rows_read = -(-len(connections.receivers) // across)
     width = max(2 * MARGIN + across * cell_x, 3.3 * CELL_X)
     rows_led = -(-len(blocks) // across)
-    block_y = max((block.height for block in blocks), default=0.0)
+    block_y = max(map(_block_height, blocks), default=0.0)
     notes_top = MARGIN + HEAD + (rows_lit + rows_read) * CELL_Y + rows_led * block_y
     root = svg.drawing(
         width,
@@ -142,19 +124,19 @@ def schematic_svg(design: SensorDesign, gain: SimulatedGain | None = None) -> st
     root.append(svg.text((MARGIN, MARGIN + HEADING_PX + NOTE_LINE), subtitle, TEXT_PX, fill=QUIET))
     for place, one in enumerate(connections.emitters):
         corner = _corner(place, across, cell_x, MARGIN + HEAD)
-        board, transistor = board_of(design), transistor_of(design, one.part.part).entry.name
+        board, transistor = circuit.board, transistor_of(circuit, one.part.part).entry.name
         root.append(
             _switch(one, board, transistor, corner) if sink is None else _sunk(one, board, sink, corner)
         )
     top = MARGIN + HEAD + rows_lit * CELL_Y
     for place, one in enumerate(connections.receivers):
         feedback = None if feedbacks is None else feedbacks[place]
-        amplifier = "" if feedback is None else find_amplifier(entries_of(design), feedback.amplifier_id).name
+        amplifier = "" if feedback is None else find_amplifier(circuit.entries, feedback.amplifier_id).name
         root.append(_amplifier(one, feedback, amplifier, _corner(place, across, cell_x, top)))
     top += rows_read * CELL_Y
     for place, block in enumerate(blocks):
         corner = MARGIN + (place % across) * cell_x, top + (place // across) * block_y
-        root.append(block.drawn(corner))
+        root.append(_block(block, corner))
     for place, line in enumerate(notes):
         root.append(svg.text((MARGIN, notes_top + (place + 1) * NOTE_LINE), line, TEXT_PX))
     return svg.to_text(root)
@@ -246,202 +228,38 @@ def _amplifier(one: Connection, feedback: Feedback | None, amplifier: str, corne
     return cell
 
 
-def _supply_text(design: SensorDesign) -> str:
-    emitters, amplifiers = f"{board_of(design).emitter_v:g} V", f"{amplifier_v(design):g} V"
+def _supply_text(circuit: Circuit) -> str:
+    emitters, amplifiers = f"{circuit.board.emitter_v:g} V", f"{circuit.adc.supply_v:g} V"
     if emitters == amplifiers:
         return emitters
     return f"{emitters} for the emitters, {amplifiers} for the amplifiers"
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Block:
-    """One integrated circuit in the schematic: its pins, their connections, and notes on additional components.
-
-    Attributes
-    ----------
-    left, right : for each pin on this side of the circuit, its name and the name of its connection
-    below : lines of text below the circuit
-    """
-
-    name: str
-    title: str
-    left: Sequence[tuple[str, str]]
-    right: Sequence[tuple[str, str]]
-    below: Sequence[str] = ()
-
-    @property
-    def height(self) -> float:
-        """Height of the circuit's cell [drawing units]."""
-        return 26 + BLOCK_LINE * (max(len(self.left), len(self.right)) + len(self.below)) + 40
-
-    def drawn(self, corner: Point) -> Element:
-        """Drawing of the circuit in a cell whose upper left corner is at `corner`."""
-        x, y = corner[0] + 84, corner[1] + 26
-        bottom = y + BLOCK_LINE * max(len(self.left), len(self.right)) + 8
-        cell = svg.group(f"{self.name}: {self.title}")
-        cell.append(svg.text((x, y - 8), f"{self.name} {self.title}", TEXT_PX, font_weight="bold"))
-        cell.append(svg.rectangle((x, y), (x + BLOCK_X, bottom), fill="none", stroke="#000000"))
-        for k, (inner, outer) in enumerate(self.left):
-            level = y + 14 + k * BLOCK_LINE
-            cell.append(svg.wire((x - 14, level - 4), (x, level - 4)))
-            cell.append(svg.text((x + 4, level), inner, VALUE_PX))
-            cell.append(svg.text((x - 18, level), outer, VALUE_PX, anchor="end"))
-        for k, (inner, outer) in enumerate(self.right):
-            level = y + 14 + k * BLOCK_LINE
-            cell.append(svg.wire((x + BLOCK_X, level - 4), (x + BLOCK_X + 14, level - 4)))
-            cell.append(svg.text((x + BLOCK_X - 4, level), inner, VALUE_PX, anchor="end"))
-            cell.append(svg.text((x + BLOCK_X + 18, level), outer, VALUE_PX, font_weight="bold"))
-        for k, line in enumerate(self.below):
-            cell.append(svg.text((x, bottom + 14 + k * BLOCK_LINE), line, VALUE_PX))
-        return cell
+def _block_height(one: Pinout) -> float:
+    """Height of a chip's cell [drawing units]."""
+    return 26 + BLOCK_LINE * (max(len(one.left), len(one.right)) + len(one.below)) + 40
 
 
-_BUS = {"mcp3208": ("CLK", "DIN", "DOUT", "CS"), "ads8688": ("SCLK", "SDI", "SDO", "CS")}
-"""Names of the pins for clock, data in, data out and chip select, for each type of converter."""
-_INPUTS = {"mcp3208": "CH{}", "ads8688": "AIN_{}P"}
-_SUPPLIES = {
-    "mcp3208": (("VDD", "analog"), ("VREF", "analog"), ("AGND", "ground"), ("DGND", "ground")),
-    "ads8688": (
-        ("AVDD", "analog"),
-        ("DVDD", "level"),
-        ("DAISY", "ground"),
-        ("ALARM", "open"),
-        ("RST/PD", "level"),
-        ("REFSEL", "ground"),
-        ("REFIO", "CR"),
-        ("REFCAP", "CB"),
-        ("AUX_IN", "ground"),
-        ("AUX_GND", "ground"),
-        ("AIN_nGND", "ground"),
-        ("REFGND", "ground"),
-        ("AGND", "ground"),
-        ("DGND", "ground"),
-    ),
-}
-"""Other pins of each type of converter, with the net or component to which each pin is connected."""
-
-
-def _multiplexers(design: SensorDesign) -> list[_Block]:
-    entry = multiplexer_of(design)
-    if entry is None:
-        return []
-    paths, read, supply = receiver_paths(design), connections_of(design).receivers, _pin_supply(design)
-    blocks = []
-    for number in range(entry.needed(len(read))):
-        mine = [(one, path) for one, path in zip(read, paths, strict=True) if path.multiplexer == number]
-        outputs = {path.address: f"{one.part.name}-A" for one, path in mine}
-        board = [
-            ("SIG", mine[0][1].channel),
-            *((f"S{k}", f"D{pin}") for k, pin in enumerate(address_pins(design))),
-        ]
-        enable = "ground" if entry.enable == "ground" else supply
-        blocks.append(
-            _Block(
-                name=f"M{number + 1}",
-                title=entry.name,
-                left=[(f"C{k}", outputs.get(k, "ground")) for k in range(entry.channels)],
-                right=[*board, ("VCC", supply), ("GND", "ground"), ("EN", enable)],
-            )
-        )
-    return blocks
-
-
-def _shift_registers(design: SensorDesign) -> list[_Block]:
-    entry, lit = shift_register_of(design), connections_of(design).emitters
-    if entry is None:
-        return []
-    data, clock, latch = (f"D{pin}" for pin in switch_pins(design, board_of(design), len(lit)))
-    names = {one.pin_number: f"{one.part.name}-RB" for one in lit}
-    count, supply = entry.needed(len(lit)), _pin_supply(design)
-    return [
-        _Block(
-            name=f"S{number + 1}",
-            title=entry.name,
-            left=[
-                ("DS", data if number == 0 else f"S{number} QS"),
-                ("SHCP", clock),
-                ("STCP", latch),
-                ("VCC", supply),
-                ("GND", "ground"),
-                ("OE", "ground"),
-                ("MR", supply),
-            ],
-            right=[
-                *((f"Q{k}", names.get(number * entry.outputs + k, "open")) for k in range(entry.outputs)),
-                ("QS", f"S{number + 2} DS" if number + 1 < count else "open"),
-            ],
-        )
-        for number in range(count)
-    ]
-
-
-def _converters(design: SensorDesign) -> list[_Block]:
-    entry, board = converter_of(design), board_of(design)
-    if entry is None:
-        return []
-    paths, read, selects = receiver_paths(design), connections_of(design).receivers, select_pins(design)
-    clock, out, into = (f"D{pin}" for pin in spi_pins(design, board))
-    bus, inputs = _BUS[entry.commands], _INPUTS[entry.commands]
-    nets = {"analog": f"+{entry.analog_v(board):g} V", "level": _pin_supply(design)}
-    caps = [(pin, net) for pin, net in _SUPPLIES[entry.commands] if net in ("CR", "CB")]
-    blocks = []
-    for number, select in enumerate(selects):
-        mine = {
-            path.address: f"{one.part.name}-A"
-            for one, path in zip(read, paths, strict=True)
-            if path.converter == number
-        }
-        nets |= {mark: f"U{number + 1}-{mark}" for _, mark in caps}
-        lines = zip(bus, (clock, out, into, f"D{select}"), strict=True)
-        blocks.append(
-            _Block(
-                name=f"U{number + 1}",
-                title=entry.name,
-                left=[(inputs.format(k), mine.get(k, "ground")) for k in range(entry.channels)],
-                right=[*lines, *((pin, nets.get(net, net)) for pin, net in _SUPPLIES[entry.commands])],
-                below=[f"{nets[mark]}: 10 uF from {pin} to ground" for pin, mark in caps],
-            )
-        )
-    return blocks
-
-
-def _led_drivers(design: SensorDesign) -> list[_Block]:
-    entry, sink, lit = driver_of(design), current_sink(design), connections_of(design).emitters
-    if entry is None or sink is None:
-        return []
-    board, supply = board_of(design), _pin_supply(design)
-    clock, out, _ = (f"D{pin}" for pin in spi_pins(design, board))
-    latch, blank = (f"D{pin}" for pin in switch_pins(design, board, len(lit)))
-    names = {one.pin_number: one.part.name for one in lit}
-    count = entry.needed(len(lit))
-    return [
-        _Block(
-            name=f"L{number + 1}",
-            title=entry.name,
-            left=[
-                ("SIN", out if number == 0 else f"L{number} SOUT"),
-                ("SCLK", clock),
-                ("XLAT", latch),
-                ("BLANK", blank),
-                ("VCC", supply),
-                ("GND", "ground"),
-                ("IREF", f"L{number + 1}-RI"),
-            ],
-            below=[
-                f"L{number + 1}-RI: {ohm_text(sink.reference_ohm)} from IREF to ground",
-                *([f"L1-RP: 10 kohm from BLANK to {supply}"] if number == 0 else []),
-            ],
-            right=[
-                *((f"OUT{k}", names.get(number * entry.outputs + k, "open")) for k in range(entry.outputs)),
-                ("SOUT", f"L{number + 2} SIN" if number + 1 < count else "open"),
-            ],
-        )
-        for number in range(count)
-    ]
-
-
-def _pin_supply(design: SensorDesign) -> str:
-    return f"+{board_of(design).pin_v:g} V"
+def _block(one: Pinout, corner: Point) -> Element:
+    """Drawing of a chip in a cell whose upper left corner is at `corner`."""
+    x, y = corner[0] + 84, corner[1] + 26
+    bottom = y + BLOCK_LINE * max(len(one.left), len(one.right)) + 8
+    cell = svg.group(f"{one.name}: {one.title}")
+    cell.append(svg.text((x, y - 8), f"{one.name} {one.title}", TEXT_PX, font_weight="bold"))
+    cell.append(svg.rectangle((x, y), (x + BLOCK_X, bottom), fill="none", stroke="#000000"))
+    for k, (inner, outer) in enumerate(one.left):
+        level = y + 14 + k * BLOCK_LINE
+        cell.append(svg.wire((x - 14, level - 4), (x, level - 4)))
+        cell.append(svg.text((x + 4, level), inner, VALUE_PX))
+        cell.append(svg.text((x - 18, level), outer, VALUE_PX, anchor="end"))
+    for k, (inner, outer) in enumerate(one.right):
+        level = y + 14 + k * BLOCK_LINE
+        cell.append(svg.wire((x + BLOCK_X, level - 4), (x + BLOCK_X + 14, level - 4)))
+        cell.append(svg.text((x + BLOCK_X - 4, level), inner, VALUE_PX, anchor="end"))
+        cell.append(svg.text((x + BLOCK_X + 18, level), outer, VALUE_PX, font_weight="bold"))
+    for k, line in enumerate(one.below):
+        cell.append(svg.text((x, bottom + 14 + k * BLOCK_LINE), line, VALUE_PX))
+    return cell
 
 
 def _labels(at: Point, name: str, value: str) -> Iterator[Element]:
@@ -449,27 +267,27 @@ def _labels(at: Point, name: str, value: str) -> Iterator[Element]:
     yield svg.text((at[0], at[1] + 14), value, VALUE_PX, fill=QUIET)
 
 
-def _current(design: SensorDesign, gain: SimulatedGain | None) -> SupplyCurrent:
-    feedbacks = feedbacks_for(design, gain)
-    return supply_current(design, None if feedbacks is None else feedbacks[0].amplifier_id)
+def _current(circuit: Circuit, gain: SimulatedGain | None) -> SupplyCurrent:
+    feedbacks = feedbacks_for(circuit, gain)
+    return supply_current(circuit, None if feedbacks is None else feedbacks[0].amplifier_id)
 
 
 def _ma(current: float) -> str:
     return f"{current:.0f}" if current >= 10.0 else f"{current:.2g}"
 
 
-def _notes(design: SensorDesign, gain: SimulatedGain | None) -> Sequence[str]:
-    current, board = _current(design, gain), board_of(design)
+def _notes(circuit: Circuit, gain: SimulatedGain | None) -> Sequence[str]:
+    current, board = _current(circuit, gain), circuit.board
     assumed = "" if current.is_amplifier_known else " (assumed)"
-    lit = "emitter and base" if driver_of(design) is None else "the emitter"
+    lit = "emitter and base" if circuit.led_driver is None else "the emitter"
     more = f", {current.circuits_ma:.0f} for converters and LED drivers" if current.circuits_ma else ""
     return (
-        f"Supply {_supply_text(design)}, ground common with the {board.title}. One emitter is lit at a time.",
+        f"Supply {_supply_text(circuit)}, ground common with the {board.title}. One emitter is lit at a time.",
         f"At full power {current.full_power_ma:.0f} mA: "
         f"{current.emitter_ma:.0f} mA for {lit}, {_ma(current.amplifiers_ma)} for the amplifiers{assumed}, "
         f"{current.board_ma:.0f} for the board (assumed){more};",
         f"{current.fault_ma:.0f} mA if a fault lit all emitters.",
-        f"{pin_words(design)}.",
+        f"{pin_words(circuit)}.",
         "Amplifiers: single supply, inputs and outputs down to ground; 100 nF at each package, supply to ground.",
         "Which lead is anode or cathode: the part's data sheet.",
     )

@@ -329,12 +329,13 @@ def _known_gain(folder: Path) -> SimulatedGain | None:
 def _write_fabrication(
     design: SensorDesign, folder: Path, gain: SimulatedGain | None, rows: Sequence[BomRow] | None = None
 ) -> None:
+    from optopad.design.circuit.circuit import Circuit
     from optopad.fabrication.sheets.all_sheets import write_sheets
     from optopad.fabrication.sketch import firmware_gaps, write_sketch
 
     (folder / "fabrication").mkdir(exist_ok=True)
     write_sheets(design, folder / "fabrication", gain, rows)
-    if not firmware_gaps(design):  # a board that cannot be programmed has its warning
+    if not firmware_gaps(Circuit.of(design)):  # a board that cannot be programmed has its warning
         write_sketch(design, folder / "fabrication" / "firmware")
 
 

@@ -19,7 +19,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from optopad.design.arrays import IntArray
-from optopad.design.circuit.pins import MS_PER_S, US_PER_S, board_of, frame_time_ms
+from optopad.design.circuit.link import MS_PER_S, US_PER_S
 from optopad.design.io import write_text_atomically
 from optopad.design.preset import FLAT_PRESETS, SHAPED_PRESETS, preset
 from optopad.design.spec import SensorDesign
@@ -84,10 +84,10 @@ def measured(harness: Path, design: SensorDesign, change: str, duration_us: floa
     change : a definition in place of that in config.h
     duration_us : of simulated time
     """
-    settings, board = firmware_settings(design), board_of(design)
+    settings = firmware_settings(design)
     at_once = _counted(harness, design, change, duration_us, edges=False)
     at_edges = _counted(harness, design, change, duration_us, edges=True)
-    budget_ms = frame_time_ms(board, design.board, len(settings.emitters), len(settings.receivers))
+    budget_ms = settings.circuit.frame_ms
     return Rate(
         prescaler=design.board.adc_prescaler,
         frames=at_once.frames + at_edges.frames,
@@ -266,7 +266,7 @@ def layout_table(layouts: Sequence[tuple[str, Rate]]) -> str:
     rows = []
     for name, rate in layouts:
         settings = firmware_settings(preset(name))
-        readings = f"{len(settings.emitters) + 1} x {len(settings.receivers)}"
+        readings = f"{settings.circuit.state_count} x {settings.circuit.receiver_count}"
         rows.append((name, readings, *in_hz(rate)))
     return table(("preset", "readings a frame", "simulator Hz", "with clock edges Hz", "sum Hz"), rows)
 
