@@ -50,7 +50,7 @@ def _pinout(circuit: Circuit, chips: Chips, number: int) -> Pinout:
         right=list(_rows(family.right, nets)),
         below=[
             *(line.format_map(nets) for line in below),
-            *(f"{name}-{mark}: {value} from {pin} to ground" for _, mark, value, pin in family.capacitors),
+            *(f"{name}-{mark}: {words}" for _, mark, *_, words in family.components),
         ],
     )
 

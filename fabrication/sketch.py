@@ -302,6 +302,9 @@ PORTABLE_FILES = ("core.cpp",)
 """Names of source files that are the same for every design: `SHARED_FILES` for all boards, `AVR_FILES` for AVR chips,
 and `PORTABLE_FILES` for other boards."""
 
+COMMAND_FILES = {"U": "converter.h", "L": "led_driver.h"}
+"""Name in the sketch of the file with the commands of chips, by their letter. Its source has the name of the family."""
+
 MAIN = "main.c"
 """File with the main function. It is not in the sketch folder, because an Arduino core has its own."""
 
@@ -321,7 +324,12 @@ def sketch_texts(design: SensorDesign) -> dict[str, str]:
     settings = firmware_settings(design)
     is_avr = isinstance(settings.chip, BoardFirmware)
     fixed = {name: source_text(name) for name in SHARED_FILES + (AVR_FILES if is_avr else PORTABLE_FILES)}
-    return {**fixed, CONFIG: config_header(settings)}
+    commands = {
+        COMMAND_FILES[chips.entry.letter]: source_text(f"{chips.entry.family_name}.h")
+        for chips in settings.circuit.chips
+        if chips.entry.letter in COMMAND_FILES
+    }
+    return {**fixed, **commands, CONFIG: config_header(settings)}
 
 
 def write_sketch(design: SensorDesign, folder: Path) -> Path:
@@ -340,7 +348,7 @@ def write_sketch(design: SensorDesign, folder: Path) -> Path:
     sketch.mkdir(parents=True, exist_ok=True)
     if any(_is_other(sketch / name, text) for name, text in texts.items()):
         (folder / IMAGE).unlink(missing_ok=True)
-    for name in {*AVR_FILES, *PORTABLE_FILES} - set(texts):
+    for name in {*AVR_FILES, *PORTABLE_FILES, *COMMAND_FILES.values()} - set(texts):
         (sketch / name).unlink(missing_ok=True)
     for name, text in texts.items():
         write_text_atomically(sketch / name, text)

@@ -74,19 +74,21 @@ class Chip(Model):
 
 
 class Family(Model):
-    """Pins of a family of chips as the schematic draws them, and the frames of a converter's readings."""
+    """Table of the catalogue and pins of a family of chips, and the frames of a converter's readings."""
 
+    table: str
     left: tuple[tuple[str, str], ...]
     right: tuple[tuple[str, str], ...]
     chain: tuple[str, str] = ("", "")
     below: tuple[str, ...] = ()
     first_below: tuple[str, ...] = ()
-    capacitors: tuple[tuple[str, str, str, str], ...] = ()
+    components: tuple[tuple[str, str, str, str, str], ...] = ()
     clocks: int = 0
     frames: int = 1
     bits: int = 0
     inputs: int = 0
     needs: tuple[str, ...] = ()
+    example: str = ""
 
     def pin_at(self, net: str) -> str:
         """Name of the first pin that is connected to a net."""
@@ -97,6 +99,15 @@ class Family(Model):
 def families() -> dict[str, Family]:
     """All families of chips, by name."""
     return {name: Family(**table) for name, table in data_table("chip_families.toml").items()}
+
+
+if TYPE_CHECKING:
+    ConverterFamily = DriverFamily = str
+else:
+    ConverterFamily, DriverFamily = (
+        Literal[tuple(name for name, family in families().items() if family.table == table)]
+        for table in ("converters", "led_drivers")
+    )
 
 
 class BoardChip(Chip):
@@ -111,7 +122,6 @@ class BoardChip(Chip):
     controls : purposes of these pins
     letter, terminal : first letters of the names of chips and of their terminals, as in S1-Q3
     size_field : field with the number of emitters or receivers that one chip serves
-    family_name : name of the family of chips
     uses_bus : whether the chips are on the board's SPI bus
     """
 
@@ -123,13 +133,17 @@ class BoardChip(Chip):
     letter: ClassVar[str]
     terminal: ClassVar[str]
     size_field: ClassVar[str]
-    family_name: ClassVar[str]
     uses_bus: ClassVar[bool] = False
 
     @property
     def size(self) -> int:
         """Number of emitters or receivers that one chip serves."""
         return int(getattr(self, self.size_field))
+
+    @property
+    def family_name(self) -> str:
+        """Name of the family of chips, with the same pins and commands."""
+        return str(getattr(self, "commands", self.noun.replace(" ", "_")))
 
     @property
     def family(self) -> Family:
@@ -179,7 +193,6 @@ class Multiplexer(BoardChip):
     letter = "M"
     terminal = "C"
     size_field = "channels"
-    family_name = "multiplexer"
 
     channels: Annotated[int, Field(ge=2, le=64, description="amplifiers that it chooses from")]
     enable: Annotated[
@@ -209,7 +222,6 @@ class ShiftRegister(BoardChip):
     letter = "S"
     terminal = "Q"
     size_field = "outputs"
-    family_name = "shift_register"
 
     outputs: Annotated[int, Field(ge=2, le=64, description="outputs of one of them")]
     max_output_ma: Annotated[CurrentMa, Field(description="of one output")]
@@ -244,11 +256,6 @@ class ShiftRegister(BoardChip):
         return EDGE_US * edges / len(states)
 
 
-if TYPE_CHECKING:
-    Commands = str
-else:
-    Commands = Literal[tuple(name for name, family in families().items() if family.clocks)]
-
 FIVE_V = 4.75
 """Lowest supply that counts as 5 V, which is 5 V less its usual tolerance [V]."""
 
@@ -274,7 +281,9 @@ class Converter(BoardChip):
 
     channels: Annotated[int, Field(ge=1, le=64, description="inputs, as many as its commands can name")]
     bits: Annotated[int, Field(ge=8, le=16, description="of one reading")]
-    commands: Annotated[Commands, Field(description="chip whose commands and frames the firmware sends")]
+    commands: Annotated[
+        ConverterFamily, Field(description="chip whose commands and frames the firmware sends")
+    ]
     spi_mode: Annotated[int, Field(ge=0, le=3, description="polarity and phase of the bus's clock")]
     clock_mhz: Annotated[
         FrequencyMhz, Field(description="fastest clock of the bus at every permitted supply")
@@ -319,16 +328,9 @@ class Converter(BoardChip):
                 f"{self.commands} can name"
             )
         if any(getattr(self, name) is None for name in family.needs):
-            raise ValueError(
-                f"commands = '{self.commands}' needs {' and '.join(family.needs)}; give both, as 6 and 5.12 for 0 to "
-                "5.12 V"
-            )
+            needed = " and ".join(family.needs)
+            raise ValueError(f"commands = '{self.commands}' needs {needed}; give both, as {family.example}")
         return self
-
-    @property
-    def family(self) -> Family:
-        """Pins and commands of the converter."""
-        return families()[self.commands]
 
     @property
     def own_ma(self) -> float:
@@ -411,6 +413,8 @@ class LedDriver(BoardChip):
     the share of a PWM period in which it is on.
     """
 
+    unsaid = ("commands",)
+
     table = "led_drivers"
     noun = "LED driver"
     field = "board.emitters.driver"
@@ -419,9 +423,9 @@ class LedDriver(BoardChip):
     letter = "L"
     terminal = "Q"
     size_field = "outputs"
-    family_name = "tlc5947"
     uses_bus = True
 
+    commands: Annotated[DriverFamily, Field(description="chip whose data the firmware sends")] = "tlc5947"
     outputs: Annotated[int, Field(ge=1, le=64, description="outputs of one of them")]
     grayscale_bits: Annotated[int, Field(ge=1, le=16, description="data of one output")]
     least_output_ma: Annotated[CurrentMa, Field(description="least current of one output")]

@@ -342,11 +342,11 @@ def _circuit_rows(circuit: Circuit) -> Iterator[BomRow]:
         yield _supply_capacitors(chips.names, "ceramic, next to the supply pins of each")
         if isinstance(entry, Converter) and entry.has_own_logic:
             logic = entry.family.pin_at("{level}")
-            yield _ceramic(
+            yield _small(
                 "supply capacitor", "CD", "100 nF", chips.names, f"ceramic, {logic} to ground of each"
             )
-        for item, mark, value, pin in entry.family.capacitors:
-            yield _ceramic(item, mark, value, chips.names, f"ceramic, {pin} to ground of each")
+        for item, mark, value, note, _ in entry.family.components:
+            yield _small(item, mark, value, chips.names, note)
 
 
 def _supply_words(circuit: Circuit, chips: Chips) -> str:
@@ -361,10 +361,10 @@ def _supply_words(circuit: Circuit, chips: Chips) -> str:
 
 
 def _supply_capacitors(names: tuple[str, ...], note: str) -> BomRow:
-    return _ceramic("supply capacitor", "CS", "100 nF", names, note)
+    return _small("supply capacitor", "CS", "100 nF", names, note)
 
 
-def _ceramic(item: str, mark: str, value: str, names: tuple[str, ...], note: str) -> BomRow:
+def _small(item: str, mark: str, value: str, names: tuple[str, ...], note: str) -> BomRow:
     row = BomRow(item=item, quantity=len(names), references=_marked(names, mark), value=value, note=note)
     return _ordered(row, item.replace(" ", "-"))
 
