@@ -52,7 +52,7 @@ def converters_table() -> str:
     for name, one in packaged().converters.items():
         supply, full_scale = "voltage of the board's pins", "its supply"
         if one.has_own_logic:
-            supply = f"{(one.supply_low_v + one.supply_high_v) / 2:g} V for its inputs, {supply} for its bus"
+            supply = f"{one.supply_low_v:g} to {one.supply_high_v:g} V for its inputs, {supply} for its bus"
         if one.full_scale_v is not None:
             full_scale = f"{one.full_scale_v:g} V"
         rows.append(
