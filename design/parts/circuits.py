@@ -102,7 +102,8 @@ def families() -> dict[str, Family]:
 
 
 if TYPE_CHECKING:
-    ConverterFamily = DriverFamily = str
+    ConverterFamily = str
+    DriverFamily = str
 else:
     ConverterFamily, DriverFamily = (
         Literal[tuple(name for name, family in families().items() if family.table == table)]
