@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from optopad.design.circuit.circuit import Circuit
+from optopad.design.draft import Draft
 from optopad.design.fields.quantity import Quantity
 from optopad.design.mold.filling import is_cast_under_lid
 from optopad.design.mold.outline import outline_of
@@ -217,7 +218,7 @@ def _fit(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str]:
     yield "2. Seat each body on the floor of its socket: that sets its height."
     yield "3. Press wires into the necks of their slots; sleeve leads and bend them into the channel below the mold."
     yield "   Seal every lead hole and wire slot from outside, and the gaps around the bodies."
-    below = pockets_below_clear_layer(design)
+    below = pockets_below_clear_layer(outline_of(design))
     if below and cavity.black_mm > 0:
         yield f"4. The sockets of {' '.join(below)} reach below the clear layer: keep black silicone off their faces."
     yield ""
@@ -238,7 +239,7 @@ def _cast(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str]:
     yield ""
     yield "Warnings:"
     yield ""
-    if is_inhibited(design):
+    if is_inhibited(Draft(design)):
         yield "- This mold is printed in resin, which may inhibit the cure: the silicone stays tacky. Wash it,"
         yield "  post-cure it, coat it, and try some silicone on it before you cast."
     else:
@@ -343,7 +344,7 @@ def _duration_of_all(design: SensorDesign) -> str:
 
 
 def _leveling(design: SensorDesign) -> str:
-    above = bodies_above_rim(design)
+    above = bodies_above_rim(outline_of(design))
     if above:
         return (
             f"{' '.join(above)} protrude above the rim, in the path of the leveling blade: level between "

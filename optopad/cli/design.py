@@ -100,10 +100,11 @@ def check(
 
 def _contact_findings(design: SensorDesign) -> Iterator[Finding]:
     """Findings of the contact model, whose libraries are not loaded for a hemisphere on a pad of ordinary size."""
+    from optopad.design.draft import Draft
     from optopad.design.rules.check import require_scope, require_valid
     from optopad.design.rules.shape import is_wide
 
-    if is_wide(design):
+    if is_wide(Draft(design)):
         return
     try:
         require_valid(design)

@@ -37,6 +37,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from optopad.design.draft import Draft
 from optopad.design.errors import DesignError, InputError, ModelScopeError
 from optopad.design.fields.finding import NO_VERDICT, Finding, outside_models
 from optopad.design.rules.check import require_scope
@@ -274,7 +275,7 @@ def wall_findings(design: SensorDesign) -> Iterator[Finding]:
     """
     tip, space = tip_radius_mm(design), workspace_of(design)
     size = design.cavity.length_mm / tip, design.cavity.width_mm / tip
-    if is_wide(design) or space.is_empty:
+    if is_wide(Draft(design)) or space.is_empty:
         return
     layer, wall, depth = layer_depth(design), wall_radius(design), design.operating.max_depth_mm / tip
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from optopad.design.arrays import FloatArray
+from optopad.design.draft import Draft
 from optopad.design.errors import DesignError, InputError, ModelScopeError
 from optopad.design.rules.shape import (
     DEEPEST_PRESS,
@@ -120,7 +121,7 @@ def mean_crown(design: SensorDesign) -> float:
 def depth_limit_mm(design: SensorDesign) -> float:
     """Deepest press that the contact model covers at every location of the design's pad [mm]."""
     tip_radius_mm(design), elastic_depth_mm(design)  # raises if values are not numbers
-    return deepest_modelled_mm(design)
+    return deepest_modelled_mm(Draft(design))
 
 
 def require_depth(design: SensorDesign, depth_mm: float, name: str) -> float:
@@ -137,7 +138,7 @@ def require_depth(design: SensorDesign, depth_mm: float, name: str) -> float:
     if depth_mm > limit + 1e-9:
         raise ModelScopeError(
             f"{name}: {depth_mm:g} mm is deeper than the contact model covers: {limit:g} mm, the smaller of "
-            f"{LARGEST_SHARE_OF_LAYER} of the elastic depth and {deepest_of_tip(design):g} tip radii; "
+            f"{LARGEST_SHARE_OF_LAYER} of the elastic depth and {deepest_of_tip(design.indenter):g} tip radii; "
             "press less deep or make the pad thicker"
         )
     return depth_mm
