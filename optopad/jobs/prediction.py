@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 from optopad.design.errors import InputError
 from optopad.design.file_sets import written_together
 from optopad.design.io import write_text_atomically
-from optopad.design.press_protocol import PressProtocol, load_protocol_file
+from optopad.design.press_protocol import QUICK_PROTOCOL, PressProtocol, load_protocol_file
 from optopad.design.progress import OnStep
 from optopad.design.rules.check import require_valid
 from optopad.design.shape.cavity import workspace_of
@@ -29,7 +29,6 @@ from optopad.design.spec import SensorDesign
 from optopad.fabrication.bundle import bundle, bundle_name
 from optopad.jobs.evaluation import accuracies
 from optopad.plot_files import write_plot
-from optopad.prediction_cost import QUICK_PROTOCOL, STEM
 from optopad.report.accuracy import accuracy_page
 from optopad.report.sections.drawings import Drawing
 from optopad.results.prediction import ModelAccuracy, PredictedAccuracy, accuracy_of
@@ -171,7 +170,7 @@ def predict(
         bound_mm={} if effort.is_coarse else bound_mm(design, curves, seed, on_step),
     )
     with bundle(design, out, seed=seed) as folder:
-        write_accuracy(found, workspace_of(design), folder / "sims", STEM)
+        write_accuracy(found, workspace_of(design), folder / "sims", "prediction")
         for name, model in models.items():
             (folder / "sims" / "models").mkdir(exist_ok=True)
             save_model(folder / "sims" / "models" / f"{name}.optomodel", model)

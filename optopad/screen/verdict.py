@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import re
 import shlex
 from collections.abc import Mapping, Sequence
@@ -15,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 from optopad.design.circuit.pins import board_of, faster_boards, frame_rate_hz
 from optopad.design.fields.finding import OUT_OF_SCOPE
 from optopad.design.spec import SensorDesign
-from optopad.prediction_cost import STEM, quick_prediction_s
 from optopad.screen.verdict_sentences import (
     at_mm,
     command_words,
@@ -464,13 +462,15 @@ def learner_line(design: SensorDesign, bundle: Path, command: str) -> str:
     bundle : the design's bundle, where `optopad predict` writes its tables
     command : the design and its changes as typed on the command line
     """
-    document = _prediction(bundle / "sims" / f"{STEM}.json")
+    document = _prediction(bundle / "sims" / "prediction.json")
     if document is not None and document.get("digest") == design.digest and (said := _reached(document)):
         return said
+    from optopad.sims.score.cost import about, quick_prediction_s
+
     seconds = quick_prediction_s(design)
     if seconds is None:
         return ""
-    return f"not predicted yet: optopad predict {command} --quick   ({_length(seconds)})"
+    return f"not predicted yet: optopad predict {command} --quick   ({about(seconds)})"
 
 
 def _prediction(file: Path) -> dict[str, Any] | None:
@@ -509,9 +509,3 @@ def _medians(rows: Sequence[Mapping[str, Any]]) -> tuple[list[float], list[float
 def _range(values: Sequence[float], digits: int) -> str:
     low, high = f"{min(values):.{digits}f}", f"{max(values):.{digits}f}"
     return f"{high} mm" if low == high else f"{low} to {high} mm"
-
-
-def _length(seconds: float) -> str:
-    cores = os.cpu_count() or 1
-    length = f"{seconds / 60:.0f} minutes" if seconds >= 90.0 else f"{max(round(seconds, -1), 10):.0f} s"
-    return f"about {length} on {cores} core{'s' if cores > 1 else ''}"

@@ -3,8 +3,8 @@ import json
 import pytest
 
 from optopad.design.preset import preset
-from optopad.prediction_cost import quick_prediction_s
 from optopad.screen.verdict import learner_line
+from optopad.sims.score.cost import quick_prediction_s
 
 PAD = preset("piacenza2017-pad")
 ROWS = [
