@@ -99,7 +99,7 @@ def part_files(
     """Content of every file, by file name."""
     lift, mold = bed_lift_mm(design), build_mold(design)
     mold_mesh = mesh_of(mold, lift, chord_mm=_chord_mm(design))
-    title = f"{design.name} mold {design.digest[:8]}"
+    title = f"{design.name} mold {design.mold_digest[:8]}"
     files = {
         "mold.stl": stl_bytes(mold_mesh),
         "mold.step": step_bytes(mold.translate((0, 0, lift)), design.name),

@@ -18,10 +18,11 @@ from optopad.design.progress import OnStep, silent
 if TYPE_CHECKING:
     from optopad.design.spec import SensorDesign
     from optopad.fabrication.driver.recording.recorded import Recorded
+    from optopad.results.bundle import Bundle
     from optopad.results.comparison import Comparison
     from optopad.results.improvement import Improvement
     from optopad.results.prediction import Prediction
-    from optopad.results.score import Bundle, Checked, Score
+    from optopad.results.score import Checked, Score
     from optopad.results.sweep import Sweep
     from optopad.sims.learning.inference.touch_model import TouchModel
 

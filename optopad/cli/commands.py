@@ -69,7 +69,7 @@ def config(
         unused_words,
     )
     from optopad.jobs.pipeline import write_driver_config
-    from optopad.screen.verdict import as_typed
+    from optopad.screen.answer import as_typed
 
     limit, own = (
         None if budget is None else parsed_budget(budget),

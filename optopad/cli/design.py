@@ -76,7 +76,8 @@ def check(
     from optopad.design.rules.check import by_weight, notes
     from optopad.design.rules.check import check as findings_of
     from optopad.results.figures import summary_words
-    from optopad.screen.verdict import as_typed, findings_screen, rate_words
+    from optopad.screen.answer import as_typed
+    from optopad.screen.verdict import findings_screen, rate_words
 
     read = read_design(design, set_)
     findings = by_weight((*_contact_findings(read), *findings_of(read)))
@@ -157,7 +158,8 @@ def build(
     from optopad.design.parts.assumptions import bed_of
     from optopad.design.shape.cavity import plan_of
     from optopad.jobs.pipeline import write_parts
-    from optopad.screen.verdict import checks_line, finding_line
+    from optopad.screen.answer import checks_line
+    from optopad.screen.verdict import finding_line
 
     read, room = read_design(design, set_), None if bed is None else bed_of(bed)
     with progress(quiet=as_json) as step:

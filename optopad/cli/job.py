@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import json
+import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from optopad.cli import options
-from optopad.cli.output import foretell_score, print_json, progress, say, tell
+from optopad.cli.output import foretell_score, print_json, progress, say
 from optopad.work import read_design
 
 
@@ -16,6 +18,7 @@ def run(
     design: options.Design,
     set_: options.Set = None,
     fine: options.Fine = False,
+    force: Annotated[bool, typer.Option("--force", help="Make parts again that are up to date.")] = False,
     out: options.Out = options.DEFAULT_OUT,
     seed: options.Seed = 0,
     details: options.Details = False,
@@ -23,41 +26,36 @@ def run(
 ) -> None:
     """Make mold, verdict, driver configuration and report of a design in one bundle."""
     from optopad.jobs.pipeline import run as make
-    from optopad.results.figures import summary_words
-    from optopad.screen.verdict import (
-        as_typed,
-        checks_words,
-        labelled,
-        learner_line,
-        row,
-        score_lines,
-        verdict_screen,
-    )
+    from optopad.screen.answer import Answer, as_typed, checks_words, labelled, learner_words, row
 
     read = read_design(design, set_)
-    foretell_score(read, fine=fine, full=False, quiet=as_json, is_run=True)
     with progress(quiet=as_json) as step:
-        made = make(read, out, fine=fine, seed=seed, on_step=step)
-    place = {"bundle": str(made.folder), "checks_ok": made.checks["ok"]}
-    page, typed = labelled("report", str(made.folder / "report.html")), as_typed(design, set_)
-    mold, size = checks_words(made.checks), summary_words(read, made.score.found)
-    tell(
-        as_json,
-        lambda: place | {"score": made.score.to_dict()},
-        lambda: (
-            [*score_lines(made.score.found), labelled("size", size), labelled("mold", mold), page]
-            if details
-            else verdict_screen(
-                read,
-                made.score.found,
-                [*row("mold", mold, 2), page],
-                command=typed,
-                is_built=True,
-                learner=learner_line(read, made.folder, typed),
-                size=size,
-            )
-        ),
-    )
+        made = make(
+            read,
+            out,
+            fine=fine,
+            seed=seed,
+            force=force,
+            on_start=lambda: foretell_score(read, fine=fine, full=False, quiet=as_json, is_run=True),
+            on_step=step,
+        )
+    if as_json:
+        score = json.loads((made.folder / "sims" / "score.json").read_text(encoding="utf-8"))
+        print_json({"bundle": str(made.folder), "checks_ok": made.checks["ok"], "score": score})
+        return
+    for name in made.mended:
+        print(f"{name} was changed or removed after the run that made it: made again", file=sys.stderr)
+    if made.is_current:
+        print("up to date: nothing changed since the run that made this bundle", file=sys.stderr)
+    answer, typed = Answer.read(made.folder / "sims" / "answer.json"), as_typed(design, set_)
+    page, mold = labelled("report", str(made.report)), checks_words(made.checks)
+    if details:
+        lines = [*answer.details, labelled("size", answer.size), labelled("mold", mold), page]
+    else:
+        learner = learner_words(made.folder, read.digest)
+        closing = [*row("mold", mold, 2), page]
+        lines = answer.lines(closing, command=typed, is_built=True, learner=learner)
+    say("\n".join(lines))
 
 
 def report(

@@ -379,7 +379,7 @@ def _write(entry: PartEntry, file: Path) -> None:
 
 
 def _summary(entry: PartEntry, file: Path) -> list[str]:
-    from optopad.screen.verdict import row
+    from optopad.screen.answer import row
 
     section = f"{entry.part.kind}s"
     lines = row("part", f"{entry.part_id}: {entry.part.title}, {entry.part.kind} ({entry.part.mounting})", 2)

@@ -50,28 +50,21 @@ def score(
     """Report the verdict: modes, deadbands, continuity, strength and a map of the pad, written into the bundle."""
     drawn = _drawn_builds(tolerance, builds)
     from optopad.jobs.pipeline import write_score
-    from optopad.results.figures import summary_words
-    from optopad.screen.verdict import as_typed, labelled, learner_line, score_lines, verdict_screen
+    from optopad.screen.answer import Answer, as_typed, labelled, learner_words
 
     read = read_design(design, set_)
     foretell_score(read, fine=fine, full=full, quiet=as_json)
     with progress(quiet=as_json) as step:
         result, folder = write_score(read, out, fine=fine, full=full, seed=seed, on_step=step, builds=drawn)
-    typed, files = as_typed(design, set_), labelled("files", str(folder))
-    size = summary_words(read, result)
+    answer, files = Answer.read(folder / "sims" / "answer.json"), labelled("files", str(folder))
     tell(
         as_json,
         result.to_json,
         lambda: (
-            [*score_lines(result), labelled("size", size), files]
+            [*answer.details, labelled("size", answer.size), files]
             if details
-            else verdict_screen(
-                read,
-                result,
-                [files],
-                command=typed,
-                learner=learner_line(read, folder, typed),
-                size=size,
+            else answer.lines(
+                [files], command=as_typed(design, set_), learner=learner_words(folder, read.digest)
             )
         ),
     )

@@ -451,7 +451,7 @@ def fake(
     from optopad.fabrication.driver.simulated.faults import faults_of
     from optopad.fabrication.driver.simulated.finger import read_path
     from optopad.fabrication.stage.fake_printer import TipFinger
-    from optopad.screen.verdict import as_typed
+    from optopad.screen.answer import as_typed
     from optopad.sensor.driver_view import driver_source, press_table
 
     if out is not None:

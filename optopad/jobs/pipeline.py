@@ -1,5 +1,9 @@
 """The computations of `optopad run` and its parts: each function writes one part of the bundle.
 
+A part that the bundle already has from the same inputs is not made again (`optopad.fabrication.bundle.Part`): the mold,
+and everything else, which follows from the verdict. A mold may also come from another bundle, since electronics, gain
+and surfaces do not change it. Light that was traced before is read from disk in any case.
+
 Mold and physics run in parallel. The mold is made in a new process, because the CAD kernel does not survive a fork. The
 physics runs in this process.
 """
@@ -8,8 +12,8 @@ from __future__ import annotations
 
 import json
 import subprocess
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,7 +24,15 @@ from optopad.design.parts.assumptions import Bed
 from optopad.design.progress import OnStep
 from optopad.design.rules.check import require_valid
 from optopad.design.spec import SensorDesign
-from optopad.fabrication.bundle import bundle, bundle_name
+from optopad.fabrication.bundle import (
+    Part,
+    altered_files,
+    bundle,
+    bundle_name,
+    copy_part,
+    is_current,
+    program_digest,
+)
 from optopad.work import FinishedWork, started
 
 if TYPE_CHECKING:
@@ -28,36 +40,107 @@ if TYPE_CHECKING:
     from optopad.fabrication.sheets.bom import BomRow
     from optopad.fabrication.sheets.prices import Price, PriceKey
     from optopad.report.sections.early import EarlyDrawings
-    from optopad.results.score import Bundle
+    from optopad.results.bundle import Bundle
     from optopad.sims.score.result import ContinuityScore
 
 REFUSED = 2
 """Exit code of the mold's process if it refused the work with a message for the user."""
 
+ANSWER = "answer.json"
+"""File in a bundle's ``sims`` with the texts of the screen (`optopad.screen.answer`)."""
+
 Press = tuple[float, float, float]
 
 
-def run(design: SensorDesign, out: Path, *, fine: bool, seed: int, on_step: OnStep) -> Bundle:
+def run(
+    design: SensorDesign,
+    out: Path,
+    *,
+    fine: bool,
+    seed: int,
+    force: bool = False,
+    on_start: Callable[[], None] = lambda: None,
+    on_step: OnStep,
+) -> Bundle:
     """Make the whole bundle of a design: mold, verdict, sheets, firmware, driver configuration, report.
+
+    Parameters
+    ----------
+    force : whether to make parts again that the bundle has from the same inputs
+    on_start : called before the verdict is computed
 
     Raises
     ------
     DesignError : the design breaks a rule; nothing is written.
     OutputError : the folder cannot be written; an earlier bundle is intact.
     """
-    from optopad.results.score import Bundle, Score
+    from optopad.results.bundle import Bundle
 
     require_valid(design)
-    with bundle(design, out, seed=seed) as folder, _mold_beside(design, folder) as mold:
-        score, early = _scored(design, folder, fine=fine, seed=seed, on_step=on_step, with_page=True)
-        on_step("mold beside", 0.0)
-        checks = _finished(mold, folder / "cad")
-        on_step("mold beside", 1.0)
-        on_step("files", 0.0)
-        _write_fabrication(design, folder, _gain_of(score))
-        _write_report(design, folder, score, checks, seed, early)
-        on_step("files", 1.0)
-    return Bundle(folder=out / bundle_name(design), score=Score(design=design, found=score), checks=checks)
+    final, mold, answer = out / bundle_name(design), mold_part(design), answer_part(design, seed, fine=fine)
+    kept = [] if force else [part for part in (mold, answer) if is_current(final, part)]
+    altered = _altered(final)
+    found: ContinuityScore | None = None
+    if len(kept) < 2 or "design.toml" in altered:
+        with bundle(design, out, seed=seed, parts=(mold, answer)) as folder:
+            has_mold = mold in kept or (not force and _copied_mold(design, mold, folder, out))
+            with nullcontext() if has_mold else _mold_beside(design, folder) as process:
+                if answer not in kept:
+                    on_start()
+                    found, early = _scored(
+                        design, folder, fine=fine, seed=seed, on_step=on_step, with_page=True
+                    )
+                if process is not None:
+                    on_step("mold beside", 0.0)
+                    _finish(process)
+                    on_step("mold beside", 1.0)
+            if found is not None:
+                on_step("files", 0.0)
+                _write_fabrication(design, folder, _gain_of(found))
+                _write_report(design, folder, found, _checks(folder / "cad"), seed, early)
+                on_step("files", 1.0)
+    return Bundle(
+        design=design,
+        folder=final,
+        checks=_checks(final / "cad"),
+        score_of=lambda: found or _again(design, fine=fine, seed=seed),
+        is_current=len(kept) == 2,
+        mended=tuple(name for name in altered if (final / name).is_file()),
+    )
+
+
+def _again(design: SensorDesign, *, fine: bool, seed: int) -> ContinuityScore:
+    from optopad.sims.score.scoring import score
+
+    return score(design, fine=fine, seed=seed)
+
+
+def mold_part(design: SensorDesign, **settings: Any) -> Part:
+    """The mold and its tools as a part of a bundle; `settings` are those of `write_parts`."""
+    return Part({"mold": design.mold_digest, "program": program_digest(), **settings}, ("cad/",))
+
+
+def answer_part(design: SensorDesign, seed: int, **settings: Any) -> Part:
+    """The verdict and what follows from it as a part of a bundle; `settings` are those of a score."""
+    inputs = {"design": design.digest, "seed": seed, "program": program_digest(), **settings}
+    return Part(inputs, ("sims/", "fabrication/", "report.html"))
+
+
+def _altered(folder: Path) -> tuple[str, ...]:
+    """Files of a bundle that were changed or removed after a command wrote them; none if there is no bundle."""
+    try:
+        return altered_files(folder)
+    except InputError:
+        return ()
+
+
+def _copied_mold(design: SensorDesign, mold: Part, folder: Path, out: Path) -> bool:
+    """Whether the mold could be taken from another bundle; its checks then name this design."""
+    if not copy_part(mold, folder, out, design.name):
+        return False
+    checks = _checks(folder / "cad") | {"digest": design.digest}
+    write_text_atomically(folder / "cad" / "checks.json", json.dumps(checks, indent=2) + "\n")
+    return True
 
 
 def write_parts(
@@ -80,7 +163,14 @@ def write_parts(
 
     require_valid(design)
     on_step("mold", 0.0)
-    with bundle(design, out, seed=seed) as folder:
+    settings = (
+        {"bed_mm": bed_mm, "slice_parts": True}
+        if slice_parts
+        else {}
+        if bed_mm is None
+        else {"bed_mm": bed_mm}
+    )
+    with bundle(design, out, seed=seed, parts=(mold_part(design, **settings),)) as folder:
         (folder / "cad").mkdir(exist_ok=True)
         export_parts(design, folder / "cad", bed_mm=bed_mm, slice_parts=slice_parts)
         checks = _checks(folder / "cad")
@@ -107,7 +197,11 @@ def write_score(
     builds : number of units in a Monte Carlo study over manufacturing tolerances; None for no study
     """
     require_valid(design)
-    with _study(design, out, builds, seed) as study, bundle(design, out, seed=seed) as folder:
+    settings = (
+        {"fine": fine} | ({"full": full} if full else {}) | ({"builds": builds} if builds is not None else {})
+    )
+    parts = (answer_part(design, seed, **settings),)
+    with _study(design, out, builds, seed) as study, bundle(design, out, seed=seed, parts=parts) as folder:
         has_page = (folder / "report.html").exists()  # a bundle has one verdict: page and gain are updated
         score, early = _scored(
             design,
@@ -186,8 +280,8 @@ def _mold_beside(design: SensorDesign, folder: Path) -> Iterator[subprocess.Pope
             process.communicate()
 
 
-def _finished(mold: subprocess.Popen[str], folder: Path) -> dict[str, Any]:
-    """Wait for the process that makes the mold, and read its checks.
+def _finish(mold: subprocess.Popen[str]) -> None:
+    """Wait for the process that makes the mold.
 
     Raises
     ------
@@ -198,7 +292,6 @@ def _finished(mold: subprocess.Popen[str], folder: Path) -> dict[str, Any]:
         raise OutputError(message.strip())
     if mold.returncode != 0:
         raise RuntimeError(f"the mold's process ended with {mold.returncode}: {message.strip()}")
-    return _checks(folder)
 
 
 def _checks(folder: Path) -> dict[str, Any]:
@@ -240,6 +333,8 @@ def _scored(
 
     Files that do not depend on the tolerances are written while the effect of tolerances is computed.
     """
+    from optopad.results.figures import summary_words
+    from optopad.screen.verdict import answer_of
     from optopad.sims.score.build_tolerance import with_tolerance
     from optopad.sims.score.field_steps import with_field_steps
     from optopad.sims.score.scoring import score as judge
@@ -261,6 +356,7 @@ def _scored(
         early = drawn()
     _write_builds(found, sims)
     write_text_atomically(sims / "score.json", json.dumps(found.to_json(), indent=2) + "\n")
+    write_text_atomically(sims / ANSWER, answer_of(design, found, summary_words(design, found)).to_text())
     return found, early
 
 

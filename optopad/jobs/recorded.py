@@ -20,10 +20,10 @@ from optopad.design.press_protocol import PressProtocol
 from optopad.design.progress import OnStep
 from optopad.design.rules.check import require_valid
 from optopad.design.spec import SensorDesign
-from optopad.fabrication.bundle import bundle, bundle_name
+from optopad.fabrication.bundle import bundle, bundle_name, program_digest
 from optopad.sims.learning.recorded_press import RecordedPair, RecordedPress, recorded_press
 from optopad.sims.readings.recording import read_recording
-from optopad.work import as_netcdf, source_digest
+from optopad.work import as_netcdf
 
 
 def data_file_name(protocol: PressProtocol, seed: int) -> str:
@@ -57,7 +57,7 @@ def write_protocol_data(
     with bundle(design, out, seed=seed) as folder:
         (folder / "sims").mkdir(exist_ok=True)
         file = folder / "sims" / data_file_name(protocol, seed)
-        with DataWriter(file, header, asked=[seed, source_digest()], journal_folder=out) as writer:
+        with DataWriter(file, header, asked=[seed, program_digest()], journal_folder=out) as writer:
             taken_up, total = len(writer.done), sum(counted["presses"])
             for press in drawn_presses(curves, chain, seed=seed, but=writer.done):
                 writer.add(press)

@@ -32,7 +32,8 @@ from typing import Any
 
 from optopad.design.spec import SensorDesign
 from optopad.results.figures import figures_of
-from optopad.screen.verdict_sentences import counted, no_fix_words, sentences_of, signed, spans
+from optopad.screen.answer import counted
+from optopad.screen.verdict_sentences import no_fix_words, sentences_of, signed, spans
 from optopad.sims.bounds.observability import BoundFigure, PadBounds
 from optopad.sims.score.result import ContinuityScore, JudgedPair, Verdict
 from optopad.sims.verdict.builds import BuildStudy

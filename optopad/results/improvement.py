@@ -12,7 +12,7 @@ from optopad.design.spec import SensorDesign
 from optopad.results.figures import figures_of
 from optopad.results.score import Score
 from optopad.results.shown import Result, block, number, table
-from optopad.screen.verdict import labelled, row
+from optopad.screen.answer import labelled, row
 from optopad.screen.verdict_sentences import changes_words, sentences_of, verdict_words
 from optopad.sims.score.objective import sizes_of
 from optopad.sims.score.result import ContinuityScore

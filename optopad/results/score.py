@@ -1,10 +1,9 @@
-"""Results of one design: findings of a check, a score with figures, maps and plots, and the bundle of a run."""
+"""Results of one design: findings of a check, and a score with figures, maps and plots."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from optopad.design.errors import InputError
@@ -13,8 +12,9 @@ from optopad.design.shape.cavity import cavity_of
 from optopad.design.spec import SensorDesign
 from optopad.results.figures import summary_words
 from optopad.results.shown import WIDTH_IN, block, drawn, picture, table
-from optopad.screen.verdict import checks_line, verdict_screen
-from optopad.screen.verdict_sentences import counted, sentences_of
+from optopad.screen.answer import counted
+from optopad.screen.verdict import verdict_screen
+from optopad.screen.verdict_sentences import sentences_of
 from optopad.sims.score.result import ContinuityScore, JudgedPair, KeyFigures
 
 if TYPE_CHECKING:
@@ -199,40 +199,3 @@ class Score(KeyFigures):
         if self.found.pad_map is None or not self.found.pairs:
             raise InputError(f"{self.design.name}: nothing was computed, {self.reason or 'a verdict only'}")
         return self.found
-
-
-@dataclass(frozen=True, kw_only=True, repr=False)
-class Bundle:
-    """The bundle of a design: mold, verdict, sheets, firmware, driver configuration, report.
-
-    Attributes
-    ----------
-    folder : path of the bundle
-    score : the verdict
-    checks : results of the mold's checks, as in `cad/checks.json`
-    """
-
-    folder: Path
-    score: Score
-    checks: dict[str, Any]
-
-    @property
-    def report(self) -> Path:
-        """Path of the report page with all results."""
-        return self.folder / "report.html"
-
-    @property
-    def driver(self) -> Path:
-        """Path of the driver configuration, which `optopad.fabrication.driver.Sensor` reads."""
-        return self.folder / "fabrication" / "driver.toml"
-
-    @property
-    def files(self) -> tuple[Path, ...]:
-        """Paths of all files in the bundle."""
-        return tuple(sorted(path for path in self.folder.rglob("*") if path.is_file()))
-
-    def __repr__(self) -> str:
-        return f"{self.folder}\n{self.score!r}\n{checks_line(self.checks)}"
-
-    def _repr_html_(self) -> str:
-        return block(str(self.folder), (checks_line(self.checks),), self.score._repr_html_())

@@ -26,7 +26,8 @@ from optopad.report.sections.sensor import (
     wiring_figure,
 )
 from optopad.report.words import Html, element, html_of, section, table
-from optopad.screen.verdict_sentences import counted, ends
+from optopad.screen.answer import counted
+from optopad.screen.verdict_sentences import ends
 from optopad.sims.contact.force_curve import ForceCurve
 from optopad.sims.score.result import ContinuityScore
 

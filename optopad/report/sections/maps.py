@@ -11,7 +11,8 @@ from optopad.design.spec.properties import modulus
 from optopad.report.scenes.map_scene import DepthMap, MapScene, depth_maps
 from optopad.report.sections.drawings import Drawing, figure_of
 from optopad.report.words import Html, bounds_words, data_element, element, losses_table, radios, section
-from optopad.screen.verdict_sentences import counted, spans
+from optopad.screen.answer import counted
+from optopad.screen.verdict_sentences import spans
 from optopad.sims.bounds.detection_threshold import DetectionThreshold
 from optopad.sims.bounds.fisher import BAND
 from optopad.sims.bounds.observability import PadBounds

@@ -17,7 +17,7 @@ from optopad.design.spec import SensorDesign
 from optopad.design.spec.indenter import tip_words
 from optopad.report.sections.drawings import Drawing, figure_of
 from optopad.report.words import Html, element, facts, section, table
-from optopad.screen.verdict_sentences import counted
+from optopad.screen.answer import counted
 
 MOLD_STL, LID_STL = "cad/mold.stl", "cad/lid.stl"
 ALONG = ", along the normal of the top where the tip touches"

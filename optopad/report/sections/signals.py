@@ -18,10 +18,10 @@ from optopad.report.words import (
     section,
     table,
 )
+from optopad.screen.answer import counted
 from optopad.screen.verdict_sentences import (
     DASH,
     cause_sentence,
-    counted,
     depth,
     ends,
     fix_words,

@@ -3,7 +3,7 @@ import json
 import pytest
 
 from optopad.design.preset import preset
-from optopad.screen.verdict import learner_line
+from optopad.screen.answer import learner_words
 from optopad.sims.score.cost import quick_prediction_s
 
 PAD = preset("piacenza2017-pad")
