@@ -1,4 +1,4 @@
-"""Commands for the physics: simulate, score, sweep, compare, rays, contact show, contact build."""
+"""Commands for the physics: simulate, score, sweep, compare, rays, contact show."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from optopad.cli import options
-from optopad.cli.output import foretell_score, print_json, progress, say, tell
+from optopad.cli.output import foretell_score, progress, tell
 from optopad.design.errors import InputError
 from optopad.design.spec import SensorDesign
 from optopad.work import is_recording, parsed_change, parsed_value, read_design
@@ -463,44 +463,3 @@ def show(
     names = [str(file) for file in files]
     where = [f"files     {files[0].parent}/contact-*"] if files else []
     tell(as_json, lambda: view_json(view) | {"files": names}, lambda: [*view_lines(view), *where])
-
-
-@contact.command()
-def build(
-    out: Annotated[
-        Path,
-        typer.Option(
-            "--out",
-            metavar="FILE",
-            help="File of the library (.npz).",
-            callback=options.file_name(".npz"),
-        ),
-    ] = Path("outputs/contact/profiles.npz"),
-    workers: Annotated[
-        int | None, typer.Option(min=1, max=256, help="Number of processes; default: one per processor.")
-    ] = None,
-    as_json: options.Json = False,
-) -> None:
-    """Solve the library of presses again (two hours or more on two cores); an interrupted run continues."""
-    import os
-
-    from optopad.sims.contact.library.build import build_library, require_writable, write_library
-    from optopad.sims.contact.library.profile_library import library_differences, shipped_library
-
-    require_writable(out)
-
-    def tell(done: int, total: int) -> None:
-        if not as_json:
-            typer.echo(f"solved    {done} of {total}", err=True)
-
-    library = build_library(workers or os.cpu_count() or 1, tell)
-    write_library(library, out)
-    force, surface = library_differences(library, shipped_library())
-    if as_json:
-        print_json({"file": str(out), "force_difference": force, "surface_difference_tip_radii": surface})
-        return
-    say(f"file      {out}")
-    say(
-        f"difference from the shipped library: force within {100 * force:.2g} %, surface within "
-        f"{surface:.2g} tip radii"
-    )

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import json
 import subprocess
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -96,8 +96,9 @@ def run(
                     on_step("mold beside", 1.0)
             if found is not None:
                 on_step("files", 0.0)
-                _write_fabrication(design, folder, _gain_of(found))
-                _write_report(design, folder, found, _checks(folder / "cad"), seed, early)
+                checks = _checks(folder / "cad")
+                _write_fabrication(design, folder, _gain_of(found), _mold_mm3(checks))
+                _write_report(design, folder, found, checks, seed, early)
                 on_step("files", 1.0)
     return Bundle(
         design=design,
@@ -214,8 +215,9 @@ def write_score(
             study=study,
         )
         if has_page:
-            _write_fabrication(design, folder, _gain_of(score))
-            _write_report(design, folder, score, _checks(folder / "cad"), seed, early)
+            checks = _checks(folder / "cad")
+            _write_fabrication(design, folder, _gain_of(score), _mold_mm3(checks))
+            _write_report(design, folder, score, checks, seed, early)
     return score, out / bundle_name(design)
 
 
@@ -256,14 +258,16 @@ def write_driver_config(
     -------
     The bundle's folder, and the rows of the bill of materials.
     """
-    from optopad.fabrication.sheets.bom import bom_rows
-    from optopad.fabrication.sheets.prices import priced
-
     require_valid(design)
     with bundle(design, out, seed=seed) as folder:
         gain = _known_gain(folder)
-        rows = priced(bom_rows(design, gain), prices or {})
-        _write_fabrication(design, folder, gain, rows)
+        try:
+            mold_mm3 = _mold_mm3(_checks(folder / "cad"))
+        except (OSError, ValueError, KeyError, TypeError, RecursionError):  # not made yet, or damaged
+            from optopad.cad.mold import build_mold
+
+            mold_mm3 = float(build_mold(design).val().Volume())  # type: ignore[union-attr]
+        rows = _write_fabrication(design, folder, gain, mold_mm3, prices)
     return out / bundle_name(design), rows
 
 
@@ -297,6 +301,10 @@ def _finish(mold: subprocess.Popen[str]) -> None:
 def _checks(folder: Path) -> dict[str, Any]:
     checks: dict[str, Any] = json.loads((folder / "checks.json").read_text(encoding="utf-8"))
     return checks
+
+
+def _mold_mm3(checks: dict[str, Any]) -> float:
+    return float(checks["volumes_mm3"]["mold"]["solid"])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -423,15 +431,24 @@ def _known_gain(folder: Path) -> SimulatedGain | None:
 
 
 def _write_fabrication(
-    design: SensorDesign, folder: Path, gain: SimulatedGain | None, rows: Sequence[BomRow] | None = None
-) -> None:
+    design: SensorDesign,
+    folder: Path,
+    gain: SimulatedGain | None,
+    mold_mm3: float,
+    prices: Mapping[PriceKey, Price] | None = None,
+) -> tuple[BomRow, ...]:
+    """Write sheets and firmware; return the rows of the bill of materials."""
     from optopad.fabrication.sheets.all_sheets import write_sheets
+    from optopad.fabrication.sheets.bom import bom_rows
+    from optopad.fabrication.sheets.prices import priced
     from optopad.fabrication.sketch import firmware_gaps, write_sketch
 
+    rows = priced(bom_rows(design, gain, mold_mm3), prices or {})
     (folder / "fabrication").mkdir(exist_ok=True)
     write_sheets(design, folder / "fabrication", gain, rows)
     if not firmware_gaps(design):  # a board that cannot be programmed has its warning
         write_sketch(design, folder / "fabrication" / "firmware")
+    return rows
 
 
 def _write_report(

@@ -206,7 +206,6 @@ WRITTEN = {
     ("schema",): ".json",
     ("part", "new"): ".toml",
     ("train",): ".optomodel",
-    ("contact", "build"): ".npz",
     ("driver", "read"): ".jsonl or .ndjson",
     ("driver", "record"): ".optorec or .mcap",
     ("driver", "check"): ".json",

@@ -1,9 +1,4 @@
-"""Compute the library of solved presses, fit splines to presses over depth, and solve a design's press live.
-
-Building the library takes two solves, at two Poisson's ratios, for every combination of layer thickness, wall radius
-and crown. Every finished solve is cached at once, so an interrupted run continues where it stopped. Workers are
-separate processes with one thread each. A solve depends on its inputs only, so the number of workers does not change
-the result.
+"""Fit splines to presses over depth, and solve a design's press live, for a tip or pad outside the shipped library.
 
 `fit_press` reduces a solved press to smooth functions of depth (`SmoothPress`). They are splines, fitted by least
 squares, with one interval for every `DEPTHS_PER_INTERVAL` solved depths. The fit has to smooth, because light is
@@ -16,34 +11,16 @@ edge and the force jitter as the contact grows, by up to 10 µm and 0.4 % at a s
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from importlib.metadata import version
-from multiprocessing import active_children, get_context
-from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator, make_lsq_spline
 
 from optopad.design.arrays import FloatArray
-from optopad.design.errors import InputError, OutputError
-from optopad.design.files import folder_fault, made_folder, require_file_name, whole_file
+from optopad.design.errors import InputError
 from optopad.design.progress import OnShare
 from optopad.design.spec import SensorDesign
-from optopad.sims.contact.library.profile_library import (
-    CROWN_CENTRE,
-    CROWN_LAYERS,
-    CROWN_RADII,
-    LAYERS,
-    PAD_RADII,
-    WALL_LAYERS,
-    CrownChanges,
-    Library,
-    deepest_press,
-    pack,
-    solved_crowns,
-)
 from optopad.sims.contact.library.profiles import UnitPress
 from optopad.sims.contact.library.smooth_press import (
     LOAD_SHARES,
@@ -57,11 +34,8 @@ from optopad.sims.contact.library.smooth_press import (
     off_crown,
     sample_arcs,
 )
-from optopad.sims.contact.library.stored_press import RECIPE, PressInputs, stored_press
+from optopad.sims.contact.library.stored_press import PressInputs, stored_press
 from optopad.sims.contact.scope import (
-    DEPTH_STEP,
-    FIRST_DEPTHS,
-    WALL_RADIUS,
     layer_depth,
     solved_depths,
     tip_radius_mm,
@@ -293,198 +267,3 @@ def _smooth(soft: UnitPress, stiff: UnitPress) -> SmoothPress:
     if key not in _SMOOTH:
         _SMOOTH[key] = (soft, stiff, nearly_incompressible(fit_press(soft), fit_press(stiff)))
     return _SMOOTH[key][2]
-
-
-Pad = tuple[float, float]
-"""Layer thickness and wall radius of a round pad [tip radii]."""
-
-LIBRARY_MESH = 1 / 15
-"""Node spacing under the tip for the library's presses [tip radii]: 0.2 mm for a 3 mm tip."""
-
-
-def library_depths(layer: float) -> tuple[float, ...]:
-    """Depths solved for a layer thickness [tip radii]: the same fractions of the deepest press for every thickness."""
-    deepest = deepest_press(layer)
-    longest = deepest_press(max(LAYERS))
-    steady = np.arange(FIRST_DEPTHS[-1] + DEPTH_STEP, longest - 0.5 * DEPTH_STEP, DEPTH_STEP)
-    schedule = np.concatenate([FIRST_DEPTHS, steady, [longest]])
-    return tuple(round(float(depth), 9) for depth in schedule * (deepest / longest))
-
-
-def entry_inputs(
-    layer: float, poisson_ratio: float, wall_radius: float = WALL_RADIUS, crown: float = 0.0
-) -> PressInputs:
-    """Inputs of one solve for the shipped library; layer thickness and wall radius in tip radii."""
-    return PressInputs(
-        layer=layer,
-        mesh_size=LIBRARY_MESH,
-        depths=library_depths(layer),
-        poisson_ratio=poisson_ratio,
-        wall_radius=wall_radius,
-        crown=crown,
-    )
-
-
-def solve_entry(
-    layer: float, poisson_ratio: float, wall_radius: float = WALL_RADIUS, crown: float = 0.0
-) -> UnitPress:
-    """Solved states for the shipped library, from the cache, or solved now and cached; lengths in tip radii."""
-    return stored_press(entry_inputs(layer, poisson_ratio, wall_radius, crown))[0]
-
-
-def entry_press(layer: float, wall_radius: float = WALL_RADIUS, crown: float = 0.0) -> SmoothPress:
-    """One nearly incompressible press of the shipped library, from solves at both Poisson's ratios."""
-    soft, stiff = (fit_press(solve_entry(layer, ratio, wall_radius, crown)) for ratio in POISSON_RATIOS)
-    return nearly_incompressible(soft, stiff)
-
-
-def slope_and_bow(flat: SmoothPress, crowned: Sequence[SmoothPress]) -> tuple[FloatArray, FloatArray]:
-    """Factors a and b (coefficient, VALUES): a crown changes the spline coefficients by a·crown + b·crown².
-
-    They follow exactly from three presses of one pad: flat, and under two crowns.
-    """
-    powers = np.array([[press.crown, press.crown**2] for press in crowned])
-    changes = np.array([press.coefficients - flat.coefficients for press in crowned])
-    slope, bow = np.tensordot(np.linalg.inv(powers), changes, axes=1)
-    return slope, bow
-
-
-def crown_changes(
-    flat: Mapping[Pad, SmoothPress], crowned: Mapping[Pad, Sequence[SmoothPress]], centre: Pad = CROWN_CENTRE
-) -> CrownChanges:
-    """How crowns change a flat pad's spline coefficients, for every combination of layer thickness and wall radius.
-
-    Only some combinations are solved. For the others, the changes of the linear factor by layer and by wall are added.
-
-    Parameters
-    ----------
-    flat : presses into flat pads, by (layer thickness, wall radius) [tip radii]
-    crowned : presses into crowned pads with the same keys, largest crown last. The pad `centre` has two crowns. The
-        others share its layer thickness or its wall radius, and have one crown
-    centre : layer thickness and wall radius of the pad with which the others are compared [tip radii]
-    """
-    _, bow = slope_and_bow(flat[centre], crowned[centre])
-    largest = {pad: presses[-1] for pad, presses in crowned.items()}
-    slopes = {
-        pad: (press.coefficients - flat[pad].coefficients) / press.crown - press.crown * bow
-        for pad, press in largest.items()
-    }
-    layers, radii = (sorted(set(places)) for places in zip(*slopes, strict=True))
-    return CrownChanges(
-        layers=np.array(layers),
-        radii=np.array(radii),
-        slopes=np.array(
-            [
-                [slopes[layer, centre[1]] + slopes[centre[0], radius] - slopes[centre] for radius in radii]
-                for layer in layers
-            ]
-        ),
-        bow=bow,
-    )
-
-
-def assembled(
-    presses: Sequence[SmoothPress],
-    pads: Sequence[Sequence[SmoothPress]],
-    crowned: CrownChanges,
-) -> Library:
-    """Assemble a `Library` from solved presses.
-
-    Parameters
-    ----------
-    presses : presses into pads of the default wall radius, thinnest layer first
-    pads : for each layer thickness in `WALL_LAYERS`, its presses at the other wall radii, smallest first
-    crowned : how crowns change the flat pads' coefficients
-    """
-    entries = {press.layer_depth: press.coefficients for press in presses}
-    return Library(
-        layers=np.array([press.layer_depth for press in presses]),
-        first=np.array([press.first for press in presses]),
-        wall_radius=presses[0].wall_radius,
-        mesh_size=presses[0].mesh_size,
-        knots=presses[0].knots,
-        coefficients=np.array([press.coefficients for press in presses]),
-        wall_layers=np.array([of_layer[0].layer_depth for of_layer in pads]),
-        pad_radii=np.array([pad.wall_radius for pad in pads[0]]),
-        wall_changes=np.array(
-            [[pad.coefficients - entries[pad.layer_depth] for pad in of_layer] for of_layer in pads]
-        ),
-        crowned=crowned,
-        residual=np.array([press.residual.as_array() for press in presses]),
-        recipe=RECIPE,
-        versions=(*presses[0].versions, f"numpy {version('numpy')}", f"scipy {version('scipy')}"),
-    )
-
-
-def crowned_pads() -> list[Pad]:
-    """Layer thicknesses and wall radii of the pads that are solved with crowns [tip radii]."""
-    layer, radius = CROWN_CENTRE
-    pads = [(other, radius) for other in CROWN_LAYERS] + [(layer, other) for other in CROWN_RADII]
-    return list(dict.fromkeys(pads))
-
-
-def all_pads() -> list[tuple[float, float, float]]:
-    """Layer thickness, wall radius [tip radii] and crown [-] of every press to solve, the costliest first."""
-    pads = [(layer, WALL_RADIUS, 0.0) for layer in LAYERS]
-    pads += [(layer, radius, 0.0) for layer in WALL_LAYERS for radius in PAD_RADII]
-    pads += [(*pad, crown) for pad in crowned_pads() for crown in solved_crowns(*pad)]
-    return sorted(pads, reverse=True)
-
-
-def build_library(workers: int, on_step: Callable[[int, int], None] | None = None) -> Library:
-    """Build the library: solve every press that is not cached, and fit all presses.
-
-    Parameters
-    ----------
-    workers : number of worker processes
-    on_step : called with the number of finished solves and the total number
-
-    Raises
-    ------
-    ContactSolveError : a solved state fails its checks
-    """
-    solves = [
-        (layer, ratio, radius, crown) for layer, radius, crown in all_pads() for ratio in POISSON_RATIOS
-    ]
-    with ProcessPoolExecutor(max_workers=workers, mp_context=get_context("spawn")) as pool:
-        jobs = [pool.submit(solve_entry, *solve) for solve in solves]
-        try:
-            for count, job in enumerate(as_completed(jobs), start=1):
-                job.result()
-                if on_step is not None:
-                    on_step(count, len(jobs))
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            for worker in active_children():
-                worker.terminate()
-            raise
-    entries = [entry_press(layer) for layer in LAYERS]
-    pads = [[entry_press(layer, radius) for radius in PAD_RADII] for layer in WALL_LAYERS]
-    flat = {(press.layer_depth, press.wall_radius): press for row in (entries, *pads) for press in row}
-    crowned = {pad: [entry_press(*pad, crown) for crown in solved_crowns(*pad)] for pad in crowned_pads()}
-    return assembled(entries, pads, crown_changes(flat, crowned))
-
-
-def require_writable(path: Path) -> None:
-    """Check that a file can be written, before hours are spent computing its content.
-
-    Raises
-    ------
-    OutputError : the file cannot be written
-    """
-    require_file_name(path)
-    fault = folder_fault(path.parent)
-    if fault or path.is_dir():
-        raise OutputError(f"{path}: cannot be written ({fault or 'a folder'}); choose another --out")
-
-
-def write_library(library: Library, path: Path) -> None:
-    """Write the library to a file, completely or not at all.
-
-    Raises
-    ------
-    OutputError : the file cannot be written
-    """
-    made_folder(path.parent, "choose another --out")
-    with whole_file(path, "choose another --out") as hidden, hidden.open("wb") as file:
-        np.savez_compressed(file, allow_pickle=False, **pack(library))

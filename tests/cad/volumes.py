@@ -1,4 +1,4 @@
-"""Computes volumes of the printed parts by formula, for comparison with the CAD solids and the files.
+"""Volumes of the printed parts by formula, for comparison with the CAD solids and the files.
 
 The mold is its extruded outline minus its cuts. The cuts do not overlap, except that pockets and slots share volume
 with the pour lip, a bevel at the cavity's upper edge. At distance t behind the inner face, the bevel removes the height
@@ -20,6 +20,8 @@ the outer radius, and b the distance along the facet from its middle. The outer 
 behind the facet. The area of a cut up to a depth t is the integral of min(T, t) over b. The integrand is t where
 |b| < sqrt(R^2 - (d + t)^2), and T elsewhere; the integral of T is part of the area of a circle.
 
+The tools' cuts touch but do not overlap.
+
 The lid (`optopad.cad.lid`) is its flange, pins and plug, minus notches and the part of the crown above the seat. This
 part is a spherical cap for a dome and nothing for a cylinder. The plug is integrated over horizontal cross-sections,
 which the draft makes smaller with depth. The crown, of radius C, covers the middle of a cross-section up to the half
@@ -32,20 +34,25 @@ with 48 nodes.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from optopad.cad import leveling_blade, pour_gauge, solder_jig
+from optopad.cad.indenter_tip import shank_mm
+from optopad.cad.leveling_blade import BladeSize
+from optopad.cad.lid import Plug, lid_size, pin_chamfer_mm
+from optopad.cad.pour_gauge import GaugeSize
+from optopad.cad.solder_jig import JigSize
+from optopad.design.mold.lettering import Stroke, area_mm2, shapes_of
 from optopad.design.mold.outline import MoldOutline, outline_of
+from optopad.design.mold.part_numbers import DEPTH_MM, PartNumber
 from optopad.design.mold.sockets import Collar, Cut, Hole, WallFrame
 from optopad.design.shape.top import Top
 from optopad.design.spec import SensorDesign
-
-if TYPE_CHECKING:
-    from optopad.cad.lid import Plug
+from optopad.design.spec.indenter import Indenter, Piece, tip_outline
 
 NODES = 48
 """Number of nodes of Gauss' rule in each piece of the integral over the depth of a plug."""
@@ -62,7 +69,7 @@ def mold_volume_mm3(design: SensorDesign) -> float:
         - _seat_mm3(outline)
         + sum(_collar_mm3(collar, outline) for collar in outline.collars)
         - _socket_cuts_mm3(outline)
-        - sum(number.volume_mm3 for number in outline.numbers)
+        - sum(_number_mm3(number) for number in outline.numbers)
         - sum(_hole_mm3(hole) for hole in (*holes, *outline.fixing_holes, *outline.filling))
         - outline.label.area_mm2 * outline.label.depth_mm
     )
@@ -185,16 +192,33 @@ def _cut_mm3(cut: Cut) -> float:
     return (cut.along1 - cut.along0) * (cut.out1 - cut.out0) * (cut.top - cut.floor)
 
 
+def _number_mm3(number: PartNumber) -> float:
+    """Volume that a part's name removes from the mold [mm3], less where a round outer face recedes from the facet."""
+    flat = area_mm2(number.strokes) * DEPTH_MM
+    if not number.frame.is_facet:
+        return flat
+    middle, radius = number.frame.length_mm / 2, number.frame.outer_radius_mm
+    return flat - _over_strokes(number.strokes, lambda x: _below_chord_mm2(x - middle, radius))
+
+
+def _over_strokes(strokes: Iterable[Stroke], antiderivative: Callable[[float], float]) -> float:
+    """Integral of a function of x over the area covered by strokes, along its edges (Green's theorem)."""
+    loops = [loop for shape in shapes_of(strokes) for loop in (shape.outline, *shape.holes)]
+    edges = [edge for loop in loops for edge in zip(loop, (*loop[1:], loop[0]), strict=True)]
+    return sum(antiderivative(x) * (top - y) for (x, y), (_, top) in edges if top != y)
+
+
+def _below_chord_mm2(beside_mm: float, radius_mm: float) -> float:
+    """Area between a circle and its tangent, from the point of contact to `beside_mm` along the tangent [mm2]."""
+    return radius_mm * beside_mm - _circle_mm2(beside_mm, radius_mm)
+
+
 def _hole_mm3(hole: Hole) -> float:
     return math.pi * hole.radius**2 * (hole.z1 - hole.z0)
 
 
 def lid_volume_mm3(design: SensorDesign) -> float:
     """Volume of the printed lid [mm3]; 0 for a flat top."""
-    from optopad.cad.lid import (
-        lid_size,  # the CAD kernel takes seconds to load, and a mold's volume does not need it
-    )
-
     outline, size = outline_of(design), lid_size(design)
     if size is None:
         return 0.0
@@ -210,8 +234,6 @@ def lid_volume_mm3(design: SensorDesign) -> float:
 
 
 def _pin_mm3(pin: Hole) -> float:
-    from optopad.cad.lid import pin_chamfer_mm
-
     chamfer, radius = pin_chamfer_mm(pin), pin.radius
     end = radius - chamfer
     cone = math.pi * chamfer / 3 * (radius**2 + radius * end + end**2)
@@ -309,3 +331,54 @@ def _gauss(rate: Callable[[float], float], low: float, high: float) -> float:
     nodes, weights = np.polynomial.legendre.leggauss(NODES)
     middle, half = (low + high) / 2, (high - low) / 2
     return sum(float(w) * half * rate(middle + half * float(x)) for x, w in zip(nodes, weights, strict=True))
+
+
+def blade_volume_mm3(size: BladeSize) -> float:
+    """Volume of a leveling blade [mm3]: bar and tongue, less the bevel's triangle."""
+    bevel = min(leveling_blade.THICKNESS_MM - leveling_blade.EDGE_MM, size.reach_mm)
+    flat = size.span_mm * leveling_blade.GRIP_MM + size.tongue_mm * size.reach_mm
+    return flat * leveling_blade.THICKNESS_MM - size.tongue_mm * bevel**2 / 2
+
+
+def gauge_volume_mm3(size: GaugeSize) -> float:
+    """Volume of a pour gauge [mm3]: bar and teeth."""
+    flat = size.span_mm * pour_gauge.GRIP_MM + pour_gauge.TOOTH_MM * sum(size.teeth_mm)
+    return flat * pour_gauge.THICKNESS_MM
+
+
+def jig_volume_mm3(size: JigSize) -> float:
+    """Volume of a solder jig [mm3]: the plate less its cuts."""
+    cut = sum((box.x1 - box.x0) * (box.y1 - box.y0) * (box.z1 - box.z0) for box in size.boxes)
+    drilled = sum(_hole_mm3(hole) for hole in size.holes)
+    return size.length_mm * size.width_mm * solder_jig.THICKNESS_MM - cut - drilled
+
+
+def indenter_tip_volume_mm3(design: SensorDesign) -> float:
+    """Volume of a printed tip [mm3]: the body of revolution of the tip's outline, and the cylinder."""
+    radius = design.indenter.tip_radius_mm
+    return math.pi * radius**2 * shank_mm(design) + tip_volume_mm3(design.indenter)
+
+
+def tip_volume_mm3(indenter: Indenter) -> float:
+    """Volume of the tip between the apex and the beginning of the shank [mm3]."""
+    return math.fsum(_below_mm3(piece) for piece in tip_outline(indenter))
+
+
+def _below_mm3(piece: Piece) -> float:
+    """Volume of revolution below a piece of the outline: the integral of pi r² dh along it [mm3]."""
+    (r0, h0), (r1, h1) = piece.start, piece.end
+    if piece.radius == 0.0:
+        return math.pi / 3.0 * (h1 - h0) * (r0 * r0 + r0 * r1 + r1 * r1)
+    return _arc_volume(piece, _angle(piece, piece.end)) - _arc_volume(piece, _angle(piece, piece.start))
+
+
+def _angle(piece: Piece, point: tuple[float, float]) -> float:
+    """Angle of a point on an arc [rad], measured at the arc's centre from the downward direction."""
+    return math.atan2(point[0] - piece.centre[0], piece.centre[1] - point[1])
+
+
+def _arc_volume(piece: Piece, angle: float) -> float:
+    """Antiderivative over the angle a of pi (c + q sin a)² q sin a, for an arc of radius q centred at radius c."""
+    c, q, cosine = piece.centre[0], piece.radius, math.cos(angle)
+    square = 0.5 * angle - 0.25 * math.sin(2.0 * angle)
+    return math.pi * (-c * c * q * cosine + 2.0 * c * q * q * square + q**3 * (cosine**3 / 3.0 - cosine))
