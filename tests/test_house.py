@@ -71,7 +71,7 @@ ALLOWED = {
     },  # scipy lowers a profile to cubic pieces and draws Sobol points
     "sims/learning": {"numpy", "scipy", "sklearn", "threadpoolctl"},
     "sims/learning/inference": {"numpy"},
-    "fabrication": {"numpy", "pydantic", "tomlkit"},
+    "fabrication": {"jinja2", "numpy", "pydantic", "tomlkit"},
     "fabrication/driver": {
         "serial",
         "numpy",
