@@ -6,11 +6,13 @@ In Markdown the filter `plain` escapes a user's text. A value that a template na
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from functools import cache
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
 
 from optopad.design.parts.assumptions import ohm_text
 from optopad.fabrication.sheets.table import number, plain, size_words
@@ -21,7 +23,14 @@ def numbered(lines: str) -> str:
     return "".join(f"{place}. {line}\n" for place, line in enumerate(lines.splitlines(), start=1))
 
 
+def data(content: Any) -> Markup:
+    """Data as JSON for a script element of a page, which they cannot end; NaN and infinity are refused."""
+    text = json.dumps(content, separators=(",", ":"), allow_nan=False, ensure_ascii=False)
+    return Markup(text.replace("<", "\\u003c"))
+
+
 FILTERS: dict[str, Callable[..., str]] = {
+    "data": data,
     "fmt": format,
     "number": number,
     "numbered": numbered,
