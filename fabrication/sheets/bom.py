@@ -114,6 +114,15 @@ class BomRow:
     is_bought: bool = True
     note: str = ""
 
+    @property
+    def price(self) -> float | None:
+        """Price of all order units in the currency of the cost; None if one of them is not known."""
+        return (
+            None
+            if self.cost is None or self.order_quantity is None
+            else self.order_quantity * self.cost.value
+        )
+
 
 def bom_rows(
     design: SensorDesign, gain: SimulatedGain | None = None, mold_mm3: float | None = None

@@ -10,8 +10,7 @@ r"""The schematic: an NPN switch for each emitter, an amplifier for each receive
 With LED drivers, an emitter's anode is connected to the supply and its cathode to the driver's output, without other
 components.
 
-Values are those of bom.csv; values that are not known yet are marked. The module also writes the section of the casting
-instructions on the emitters' resistors, currents and supply.
+Values are those of bom.csv; values that are not known yet are marked.
 """
 
 from __future__ import annotations
@@ -24,7 +23,6 @@ from optopad.design.circuit.emitter_switch import (
     SupplyCurrent,
     current_sink,
     emitter_switch,
-    most_drive_ma,
     supply_current,
     transistor_of,
 )
@@ -44,51 +42,12 @@ from optopad.design.circuit.pins import (
 from optopad.design.circuit.transimpedance import Feedback
 from optopad.design.parts.assumptions import ohm_text
 from optopad.design.parts.catalog import Board, find_amplifier
-from optopad.design.shape.cavity import cavity_of
 from optopad.design.spec import SensorDesign
 from optopad.design.spec.properties import entries_of
 from optopad.fabrication.connections import Connection, connections_of, pin_words
 from optopad.fabrication.gain import SimulatedGain, feedbacks_for
 from optopad.fabrication.sheets import svg
 from optopad.fabrication.sheets.svg import Element, Point
-
-
-def circuit_lines(design: SensorDesign, gain: SimulatedGain | None = None) -> Iterator[str]:
-    """Lines of the section on the emitters' switches and supply in the casting instructions, as Markdown."""
-    kinds = {one.part_id: one.part for one in cavity_of(design).emitters}
-    board, current = board_of(design), _current(design, gain)
-    amplifiers = f"{_ma(current.amplifiers_ma)}{'' if current.is_amplifier_known else '*'}"
-    driver, most_ma = most_drive_ma(design, board)
-    more = f", converters and LED drivers ({current.circuits_ma:.0f})" if current.circuits_ma else ""
-    yield "## Wire the emitters"
-    yield ""
-    sink, chip = current_sink(design), driver_of(design)
-    if sink is not None and chip is not None:
-        yield f"Each anode to the supply, each cathode to its output of a {chip.name}, as `schematic.svg` draws it."
-        yield f"A resistor of {ohm_text(sink.reference_ohm)} from IREF of each {chip.name} to ground sets"
-        yield f"{sink.current_ma:.1f} mA through the emitter that is on."
-        yield ""
-        yield f"The supply, {_supply_text(design)}, gives {current.full_power_ma:.0f}* mA at full power: one emitter"
-        yield f"({current.emitter_ma:.0f}), the amplifiers ({amplifiers}) and the board"
-        yield f"({current.board_ma:.0f}*){more}. If a fault lit all emitters, it would be {current.fault_ma:.0f}*."
-        yield ""
-        return
-    yield "One NPN transistor each, as `schematic.svg` draws it."
-    yield ""
-    yield f"| emitter | series resistor | base resistor | through the emitter mA | out of {driver} mA |"
-    yield "|---|---|---|---|---|"
-    for part_id, part in kinds.items():
-        switch = emitter_switch(part, board)
-        series = "none fits: a higher supply" if switch.series_ohm is None else ohm_text(switch.series_ohm)
-        pin = f"{switch.base_current_ma:.1f}" + (" TOO MUCH" if switch.base_current_ma > most_ma else "")
-        lit = f"{switch.usual_current_ma:.1f} usual, {switch.current_ma:.1f} at most"
-        yield f"| {part_id} | {series} | {ohm_text(switch.base_ohm)} | {lit} | {pin} |"
-    yield ""
-    yield f"The supply, {_supply_text(design)}, gives {current.full_power_ma:.0f}* mA at full power: one emitter"
-    yield f"lit with its base current ({current.emitter_ma:.0f}), the amplifiers ({amplifiers}) and the"
-    yield f"board ({current.board_ma:.0f}*){more}. If a fault lit all emitters, it would be {current.fault_ma:.0f}*."
-    yield ""
-
 
 CELL_X, CELL_Y = 264.0, 210.0
 PIN_ROOM = 36.0
@@ -246,7 +205,8 @@ def _amplifier(one: Connection, feedback: Feedback | None, amplifier: str, corne
     return cell
 
 
-def _supply_text(design: SensorDesign) -> str:
+def supply_words(design: SensorDesign) -> str:
+    """The supply voltages as text, such as "5 V"."""
     emitters, amplifiers = f"{board_of(design).emitter_v:g} V", f"{amplifier_v(design):g} V"
     if emitters == amplifiers:
         return emitters
@@ -449,24 +409,26 @@ def _labels(at: Point, name: str, value: str) -> Iterator[Element]:
     yield svg.text((at[0], at[1] + 14), value, VALUE_PX, fill=QUIET)
 
 
-def _current(design: SensorDesign, gain: SimulatedGain | None) -> SupplyCurrent:
+def current_of(design: SensorDesign, gain: SimulatedGain | None) -> SupplyCurrent:
+    """The currents that the supply gives, with the amplifier that the gain chooses."""
     feedbacks = feedbacks_for(design, gain)
     return supply_current(design, None if feedbacks is None else feedbacks[0].amplifier_id)
 
 
-def _ma(current: float) -> str:
-    return f"{current:.0f}" if current >= 10.0 else f"{current:.2g}"
+def amplifiers_ma(current: SupplyCurrent) -> str:
+    """The current of all amplifiers as text [mA]."""
+    return f"{current.amplifiers_ma:.0f}" if current.amplifiers_ma >= 10.0 else f"{current.amplifiers_ma:.2g}"
 
 
 def _notes(design: SensorDesign, gain: SimulatedGain | None) -> Sequence[str]:
-    current, board = _current(design, gain), board_of(design)
+    current, board = current_of(design, gain), board_of(design)
     assumed = "" if current.is_amplifier_known else " (assumed)"
     lit = "emitter and base" if driver_of(design) is None else "the emitter"
     more = f", {current.circuits_ma:.0f} for converters and LED drivers" if current.circuits_ma else ""
     return (
-        f"Supply {_supply_text(design)}, ground common with the {board.title}. One emitter is lit at a time.",
+        f"Supply {supply_words(design)}, ground common with the {board.title}. One emitter is lit at a time.",
         f"At full power {current.full_power_ma:.0f} mA: "
-        f"{current.emitter_ma:.0f} mA for {lit}, {_ma(current.amplifiers_ma)} for the amplifiers{assumed}, "
+        f"{current.emitter_ma:.0f} mA for {lit}, {amplifiers_ma(current)} for the amplifiers{assumed}, "
         f"{current.board_ma:.0f} for the board (assumed){more};",
         f"{current.fault_ma:.0f} mA if a fault lit all emitters.",
         f"{pin_words(design)}.",

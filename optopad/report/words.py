@@ -1,14 +1,10 @@
-"""What all pages have in common: asset files, the script, safe HTML, Markdown as HTML, and the verdict in words.
+"""What all pages have in common: asset files, the script, safe HTML, and the verdict in words.
 
 Script: the security policy of a page allows this script and no other. Each part of the script looks for its own
 elements and does nothing if they are missing. Its data are stored in the page as JSON, which a browser does not
 execute; closing tags in the data are escaped.
 
 Safe HTML: `element` escapes every child that is not `Html` already, so the content of a design file remains text.
-
-Markdown of the build sheet: headings, paragraphs, lists, tables, fenced code and inline code become HTML. Only what
-`optopad.fabrication.sheets.casting` writes is covered. Markdown's escapes are removed before the text is escaped for
-HTML.
 
 Verdict in words: the verdict, the figures next to it, its bounds, and the units that keep it.
 
@@ -22,11 +18,9 @@ import base64
 import hashlib
 import json
 import math
-import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from importlib.resources import files
-from itertools import groupby
 from string import Template
 from typing import Any
 
@@ -189,98 +183,6 @@ def section(identifier: str, title: str, *children: str, class_: str | None = No
         aria_labelledby=heading,
         class_=class_,
     )
-
-
-_ESCAPE = re.compile(r"\\([\\`*_{}\[\]<>#|~])")
-_CELLS = re.compile(r"(?<!\\)\|")
-
-
-def html_of(text: str, *, deepest_heading: int = 4) -> Html:
-    """A Markdown sheet as HTML, without its title; second-level headings become third-level ones, and so on."""
-    return joined(_blocks(text, deepest_heading))
-
-
-def _blocks(text: str, deepest: int) -> Iterator[Html]:
-    pieces = re.split(r"^```\w*\n(.*?)^```\n?", text, flags=re.DOTALL | re.MULTILINE)
-    for number, piece in enumerate(pieces):
-        if number % 2:
-            yield element("pre", element("code", piece.rstrip("\n")), tabindex="0")
-            continue
-        for block in re.split(r"\n\s*\n", piece):
-            if lines := [line for line in block.splitlines() if line.strip()]:
-                yield from _block(lines, deepest)
-
-
-def _block(lines: list[str], deepest: int) -> Iterator[Html]:
-    for kind, group in groupby(_joined_lines(lines), key=_kind):
-        rows = list(group)
-        if kind == "heading":
-            yield from (_heading(row, deepest) for row in rows)
-        elif kind == "table":
-            yield _table(rows)
-        elif kind == "ordered":
-            yield element("ol", *(element("li", _inline(row.split(". ", 1)[1])) for row in rows))
-        elif kind == "bullets":
-            yield bullets(_inline(row[2:]) for row in rows)
-        else:
-            yield from (element("p", _inline(row)) for row in rows)
-
-
-def _joined_lines(lines: list[str]) -> list[str]:
-    """Join lines that continue a paragraph; a line after a full stop or a colon starts a new one."""
-    found: list[str] = []
-    for line in lines:
-        goes_on = line.startswith(" ") or (_kind(line) == "text" and found and _kind(found[-1]) == "text")
-        if found and goes_on and not found[-1].endswith((".", ":")):
-            found[-1] += " " + line.strip()
-        else:
-            found.append(line.strip())
-    return found
-
-
-def _kind(line: str) -> str:
-    if line.startswith("#"):
-        return "heading"
-    if line.startswith("|"):
-        return "table"
-    if re.match(r"\d+\. ", line):
-        return "ordered"
-    return "bullets" if line.startswith("- ") else "text"
-
-
-def _heading(line: str, deepest: int) -> Html:
-    level = len(line) - len(line.lstrip("#"))
-    if level == 1:
-        return Html("")
-    return element(f"h{min(level + 1, deepest)}", _inline(line[level:].strip()))
-
-
-def _table(rows: list[str]) -> Html:
-    cells = [[cell.strip() for cell in _CELLS.split(row)[1:-1]] for row in rows]
-    heads, body = cells[0], cells[2:]
-    numeric = [
-        column
-        for column in range(1, len(heads))
-        if all(re.fullmatch(r"-?[\d.]+\*?", row[column]) for row in body)
-    ]
-    return table(
-        [_plain(head) for head in heads],
-        [[_inline(cell) for cell in row] for row in body],
-        label=_plain(", ".join(heads)),
-        numeric=numeric,
-    )
-
-
-def _inline(text: str) -> Html:
-    """A line of Markdown as HTML: inline code becomes elements, the rest is text."""
-    pieces = re.split(r"(?<!\\)`([^`]*)`", text)
-    return joined(
-        element("code", piece) if number % 2 else _plain(piece) for number, piece in enumerate(pieces)
-    )
-
-
-def _plain(text: str) -> str:
-    return _ESCAPE.sub(r"\1", text).replace("&lt;", "<")
 
 
 Tile = tuple[str, str, str]

@@ -15,6 +15,7 @@ from optopad.design.fields.quantity import Quantity
 from optopad.design.press_protocol import load_protocol
 from optopad.design.spec import SensorDesign
 from optopad.design.spec.properties import modulus
+from optopad.report.markdown import html_of
 from optopad.report.sections.drawings import PROTOCOL, Drawing, figure_of
 from optopad.report.sections.published import compared, published_load
 from optopad.report.sections.sensor import (
@@ -25,7 +26,7 @@ from optopad.report.sections.sensor import (
     schematic_figure,
     wiring_figure,
 )
-from optopad.report.words import Html, element, html_of, section, table
+from optopad.report.words import Html, element, section, table
 from optopad.screen.answer import counted
 from optopad.screen.verdict_sentences import ends
 from optopad.sims.contact.force_curve import ForceCurve
@@ -154,7 +155,9 @@ def build_section(sheets: Sheets, pictures: Pictures) -> Html:
         mold_figure(pictures),
         lid_figure(pictures),
         orientation_figure(pictures),
-        _folded("Casting, step by step", html_of(sheets.casting), CASTING) if sheets.casting else Html(""),
+        _folded("Casting, step by step", Html(html_of(sheets.casting)), CASTING)
+        if sheets.casting
+        else Html(""),
         _folded(*_bill(sheets.bill), BILL) if sheets.bill else Html(""),
         _folded(*_wiring(sheets.wiring, pictures), WIRING) if sheets.wiring else wiring_figure(pictures),
         schematic_figure(pictures),
