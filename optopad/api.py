@@ -18,11 +18,11 @@ from optopad.design.progress import OnStep, silent
 if TYPE_CHECKING:
     from optopad.design.spec import SensorDesign
     from optopad.fabrication.driver.recording.recorded import Recorded
-    from optopad.results.comparison import Comparison
-    from optopad.results.improvement import Improvement
-    from optopad.results.prediction import Prediction
-    from optopad.results.score import Bundle, Checked, Score
-    from optopad.results.sweep import Sweep
+    from optopad.screen.comparison import Comparison
+    from optopad.screen.improvement import Improvement
+    from optopad.screen.prediction import Prediction
+    from optopad.screen.score import Bundle, Checked, Score
+    from optopad.screen.sweep import Sweep
     from optopad.sims.learning.inference.touch_model import TouchModel
 
 OUT = "outputs"
@@ -72,7 +72,7 @@ def check(design: SensorDesign) -> Checked:
     The findings are those of `optopad check`.
     """
     from optopad.design.rules.check import check as findings_of
-    from optopad.results.score import Checked
+    from optopad.screen.score import Checked
 
     return Checked(design=design, findings=findings_of(design))
 
@@ -97,7 +97,7 @@ def score(
     ------
     DesignError : the design breaks a rule; `check` lists them.
     """
-    from optopad.results.score import Score
+    from optopad.screen.score import Score
     from optopad.sims.score.scoring import score as judge
 
     return Score(design=design, found=judge(design, fine=fine, full=full, seed=seed, on_step=on_step))
@@ -148,7 +148,7 @@ def compare(
     DesignError, InputError : too few designs are given, a design is given twice, or a design breaks a rule.
     """
     from optopad.jobs.compare import compare as hold
-    from optopad.results.comparison import labelled
+    from optopad.screen.comparison import labelled
 
     named = labelled(designs)
     return hold(list(named.values()), list(named), Path(out), fine=fine, seed=seed, on_step=on_step or silent)
@@ -222,7 +222,7 @@ def predict(
     """
     from optopad.jobs.prediction import QUICK, USUAL
     from optopad.jobs.prediction import predict as foretell
-    from optopad.results.prediction import Prediction
+    from optopad.screen.prediction import Prediction
 
     found, folder = foretell(
         design,

@@ -12,7 +12,7 @@ import typer
 from typer.core import TyperGroup
 
 from optopad.cli import collect, design, firmware, job, learning, options, parts, physics, search, sensor
-from optopad.cli.output import print_json, say
+from optopad.screen.output import print_json, say
 from optopad.work import read_design
 
 

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from optopad.cli import options
-from optopad.cli.output import foretell_score, print_json, progress, say, tell
+from optopad.screen.output import foretell_score, print_json, progress, say, tell
 from optopad.work import read_design
 
 
@@ -23,7 +23,7 @@ def run(
 ) -> None:
     """Make mold, verdict, driver configuration and report of a design in one bundle."""
     from optopad.jobs.pipeline import run as make
-    from optopad.results.figures import summary_words
+    from optopad.screen.figures import summary_words
     from optopad.screen.verdict import (
         as_typed,
         checks_words,

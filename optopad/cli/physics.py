@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from optopad.cli import options
-from optopad.cli.output import foretell_score, print_json, progress, say, tell
 from optopad.design.errors import InputError
 from optopad.design.spec import SensorDesign
+from optopad.screen.output import foretell_score, print_json, progress, say, tell
 from optopad.work import is_recording, parsed_change, parsed_value, read_design
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def score(
     """Report the verdict: modes, deadbands, continuity, strength and a map of the pad, written into the bundle."""
     drawn = _drawn_builds(tolerance, builds)
     from optopad.jobs.pipeline import write_score
-    from optopad.results.figures import summary_words
+    from optopad.screen.figures import summary_words
     from optopad.screen.verdict import as_typed, labelled, learner_line, score_lines, verdict_screen
 
     read = read_design(design, set_)

@@ -24,8 +24,8 @@ from optopad.design.progress import OnStep
 from optopad.design.rules.check import require_valid
 from optopad.design.spec import SensorDesign
 from optopad.fabrication.bundle import bundle, bundle_name
-from optopad.results.comparison import NAMES, Comparison, Measure
-from optopad.results.figures import Better, FigureCell, PadFigures, figures_of
+from optopad.screen.comparison import NAMES, Comparison, Measure
+from optopad.screen.figures import Better, FigureCell, PadFigures, figures_of
 from optopad.sims.score.sweep import sweep_row
 
 if TYPE_CHECKING:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from optopad.fabrication.sheets.bom import BomRow
     from optopad.fabrication.sheets.prices import Price, PriceKey
     from optopad.report.sections.early import EarlyDrawings
-    from optopad.results.score import Bundle
+    from optopad.screen.score import Bundle
     from optopad.sims.score.result import ContinuityScore
 
 REFUSED = 2
@@ -45,7 +45,7 @@ def run(design: SensorDesign, out: Path, *, fine: bool, seed: int, on_step: OnSt
     DesignError : the design breaks a rule; nothing is written.
     OutputError : the folder cannot be written; an earlier bundle is intact.
     """
-    from optopad.results.score import Bundle, Score
+    from optopad.screen.score import Bundle, Score
 
     require_valid(design)
     with bundle(design, out, seed=seed) as folder, _mold_beside(design, folder) as mold:

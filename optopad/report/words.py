@@ -31,7 +31,7 @@ from string import Template
 from typing import Any
 
 from optopad.design.spec import SensorDesign
-from optopad.results.figures import figures_of
+from optopad.screen.figures import figures_of
 from optopad.screen.verdict_sentences import counted, no_fix_words, sentences_of, signed, spans
 from optopad.sims.bounds.observability import BoundFigure, PadBounds
 from optopad.sims.score.result import ContinuityScore, JudgedPair, Verdict
@@ -374,7 +374,7 @@ NOTES = {
     "parts": "LEDs and photodiodes",
     "price": "of the rows of the bill whose price is known",
 }
-"""What the figures of a design are of, by their names in `optopad.results.figures`."""
+"""What the figures of a design are of, by their names in `optopad.screen.figures`."""
 
 
 def headline(design: SensorDesign, score: ContinuityScore) -> Html:

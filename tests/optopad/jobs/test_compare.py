@@ -11,7 +11,7 @@ from optopad.fabrication.bundle import altered_files, bundle_name
 from optopad.jobs import compare as comparing
 from optopad.jobs.compare import changes_of, compare
 from optopad.report.before_after import compare_html
-from optopad.results.figures import TABLE_WIDTH, figures_of
+from optopad.screen.figures import TABLE_WIDTH, figures_of
 from tests.sims.made_up_bounds import made_up_bounds
 from tests.sims.made_up_scores import contiguous_score, dead_score, out_of_scope_score
 

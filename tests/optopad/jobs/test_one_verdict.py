@@ -12,7 +12,7 @@ from optopad.design.spec import SensorDesign
 from optopad.design.spec.cheap_fields import CLEAR
 from optopad.jobs.compare import compare
 from optopad.jobs.sweep import run_sweep
-from optopad.results.sweep import table_row
+from optopad.screen.sweep import table_row
 from optopad.sims.score.objective import judge
 from optopad.sims.score.result import ContinuityScore
 from optopad.sims.score.scoring import score, verdict_of

@@ -12,8 +12,8 @@ from optopad.design.preset import preset
 from optopad.fabrication.bundle import altered_files, bundle_name
 from optopad.jobs import sweep as sweeping
 from optopad.jobs.sweep import run_sweep
-from optopad.results.figures import TABLE_WIDTH, figures_of
-from optopad.results.sweep import Sweep
+from optopad.screen.figures import TABLE_WIDTH, figures_of
+from optopad.screen.sweep import Sweep
 from optopad.sims.plots.sweep import plot_sweep
 from optopad.sims.score.sweep import SweepRow, disputed, sweep_row
 from optopad.work import FinishedWork

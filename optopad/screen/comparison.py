@@ -10,8 +10,8 @@ from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 from optopad.design.spec import SensorDesign
-from optopad.results.figures import TABLE_WIDTH, Better, PadFigures, figure_lines
-from optopad.results.shown import Result, block, picture, table
+from optopad.screen.figures import TABLE_WIDTH, Better, PadFigures, figure_lines
+from optopad.screen.shown import Result, block, picture, table
 from optopad.sims.score.sweep import SweepRow
 
 if TYPE_CHECKING:
