@@ -27,8 +27,11 @@ from optopad.api import (
     run,
     save,
     score,
-    sweep,
 )
+
+TYPE_CHECKING = False  # as in typing, which takes a while to load
+if TYPE_CHECKING:
+    from optopad.verbs.sweep import sweep as sweep
 
 __version__ = "0.2.0"
 

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from optopad.screen.improvement import Improvement
     from optopad.screen.prediction import Prediction
     from optopad.screen.score import Bundle, Checked, Score
-    from optopad.screen.sweep import Sweep
     from optopad.sims.learning.inference.touch_model import TouchModel
 
 OUT = "outputs"
@@ -101,29 +100,6 @@ def score(
     from optopad.sims.score.scoring import score as judge
 
     return Score(design=design, found=judge(design, fine=fine, full=full, seed=seed, on_step=on_step))
-
-
-def sweep(
-    design: SensorDesign,
-    field: str,
-    values: Sequence[Any],
-    *,
-    fine: bool = False,
-    seed: int = 0,
-    out: str | PathLike[str] = OUT,
-    on_step: OnStep | None = None,
-) -> Sweep:
-    """Score a design at several values of a field (a dotted path); table and figure are written to the bundle.
-
-    Raises
-    ------
-    DesignError, InputError : a field or value is invalid; nothing was computed.
-    """
-    from optopad.jobs.sweep import run_sweep
-
-    return run_sweep(
-        design, field, values, Path(out), fine=fine, seed=seed, build=False, on_step=on_step or silent
-    )
 
 
 def compare(
@@ -286,16 +262,17 @@ def read_recording(
     return read_recorded(Path(file), topic=topic, press_topic=press_topic)
 
 
-_DRIVER = {
+_LATER = {
     "Observations": "optopad.fabrication.driver.observations",
     "Sensor": "optopad.sensor.driver_view",
     "TouchReader": "optopad.fabrication.driver.touch_reader",
+    "sweep": "optopad.verbs.sweep",
 }
-"""Classes of `import optopad` that are imported when first used, and their modules."""
+"""Names of `import optopad` that are imported when first used, and their modules."""
 
 
 def __getattr__(name: str) -> Any:
-    """A class of the driver, as an attribute of `optopad`."""
-    if name not in _DRIVER:
+    """A verb, or a class of the driver, as an attribute of `optopad`."""
+    if name not in _LATER:
         raise AttributeError(f"module 'optopad' has no attribute {name!r}")
-    return getattr(import_module(_DRIVER[name]), name)
+    return getattr(import_module(_LATER[name]), name)

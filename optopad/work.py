@@ -33,6 +33,9 @@ from optopad.design.toml_text import parsed_toml
 if TYPE_CHECKING:
     from optopad.design.spec import SensorDesign
 
+OUT = "outputs"
+"""Default folder of the bundles, which are the output folders of designs."""
+
 _STARTED: WeakSet[subprocess.Popen[str]] = WeakSet()
 
 

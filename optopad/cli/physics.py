@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,7 +12,7 @@ from optopad.cli import options
 from optopad.design.errors import InputError
 from optopad.design.spec import SensorDesign
 from optopad.screen.output import foretell_score, print_json, progress, say, tell
-from optopad.work import is_recording, parsed_change, parsed_value, read_design
+from optopad.work import is_recording, parsed_change, read_design
 
 if TYPE_CHECKING:
     from optopad.design.spec import SensorDesign
@@ -182,87 +181,6 @@ def _signal_lines(summary: dict[str, Any]) -> Iterator[str]:
             f"ray tracer: {found['rays']} rays an emitter; chi-square {found['chi_square']:.1f} over "
             f"{found['compared']} pairs and states; largest difference {found['largest_z']:.1f} standard errors"
         )
-
-
-MAX_SWEEP_VALUES = 200
-
-
-def sweep(
-    design: options.Design,
-    field: Annotated[str, typer.Argument(metavar="FIELD=A:B:STEP", help="Field to vary; or FIELD=v1,v2,...")],
-    set_: options.Set = None,
-    fine: options.Fine = False,
-    build: Annotated[
-        bool,
-        typer.Option(
-            "--build", help="Make the whole bundle of each value; the value is engraved in its mold."
-        ),
-    ] = False,
-    out: options.Out = options.DEFAULT_OUT,
-    seed: options.Seed = 0,
-    as_json: options.Json = False,
-) -> None:
-    """Score a design at values of one field: table and figure; the same command continues an interrupted run."""
-    path, values = parsed_sweep(field)
-    read = read_design(design, set_)
-    from optopad.jobs.sweep import run_sweep
-
-    with progress(quiet=as_json) as step:
-        made = run_sweep(read, path, values, out, fine=fine, seed=seed, build=build, on_step=step)
-    bundles = [f"bundle    {folder}" for folder in made.bundles]
-    files = f"files     {made.folder / 'sims'} (sweep-{path}: csv, json, svg, png)"
-    tell(as_json, made.to_json, lambda: [*made.lines(), *bundles, files])
-
-
-def parsed_sweep(text: str) -> tuple[str, list[Any]]:
-    """Parse field and values from a text ``FIELD=A:B:STEP`` (both ends included) or ``FIELD=v1,v2,...``.
-
-    Whole numbers become int, for fields that count parts.
-
-    Raises
-    ------
-    InputError : the text has another form, or the range is empty or infinite.
-    """
-    from optopad.design.errors import InputError
-
-    path, equals, span = text.partition("=")
-    if not equals or not path or not span:
-        raise InputError(
-            f"sweep: {text!r} is refused: write FIELD=A:B:STEP, as cavity.clear_thickness_mm=6:12:0.5"
-        )
-    if ":" not in span:
-        return path, _listed(span)
-    try:
-        first, last, step = (float(number) for number in span.split(":"))
-    except ValueError:
-        raise InputError(f"sweep: {span!r} is refused: write A:B:STEP, three numbers") from None
-    steps = (last - first) / step + 1e-9 if step > 0 else math.nan
-    if not 0 <= steps < MAX_SWEEP_VALUES:  # also false for a number that is not finite
-        raise InputError(
-            f"sweep: {span!r} is refused: give 1 to {MAX_SWEEP_VALUES} values, A up to B, STEP above 0"
-        )
-    values = [round(first + step * number, 9) for number in range(math.floor(steps) + 1)]
-    is_whole = all(_is_whole(number) for number in span.split(":"))
-    return path, [int(value) for value in values] if is_whole else list(values)
-
-
-def _is_whole(text: str) -> bool:
-    try:
-        int(text)
-    except ValueError:
-        return False
-    return True
-
-
-def _listed(span: str) -> list[Any]:
-    from optopad.design.errors import InputError
-
-    texts = [text.strip() for text in span.split(",")]
-    if not all(texts):
-        raise InputError(f"sweep: {span!r} is refused: a value between commas is missing")
-    if len(texts) > MAX_SWEEP_VALUES:
-        raise InputError(f"sweep: {len(texts)} values are refused: give 1 to {MAX_SWEEP_VALUES}")
-    return [parsed_value(text) for text in texts]
 
 
 PRESSES = (".nc", ".csv")

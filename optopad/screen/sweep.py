@@ -155,6 +155,11 @@ class Sweep(Result):
             )
         return lines
 
+    def screen(self) -> list[str]:
+        """The table, the bundles and the files."""
+        files = f"files     {self.folder / 'sims'} (sweep-{self.field}: csv, json, svg, png)"
+        return [*self.lines(), *(f"bundle    {folder}" for folder in self.bundles), files]
+
     def _repr_html_(self) -> str:
         cells = [one.cells for one in self.figures]
         rows = [
