@@ -18,7 +18,6 @@ from optopad.design.progress import OnStep, silent
 if TYPE_CHECKING:
     from optopad.design.spec import SensorDesign
     from optopad.fabrication.driver.recording.recorded import Recorded
-    from optopad.screen.comparison import Comparison
     from optopad.screen.improvement import Improvement
     from optopad.screen.prediction import Prediction
     from optopad.screen.score import Bundle, Checked, Score
@@ -100,34 +99,6 @@ def score(
     from optopad.sims.score.scoring import score as judge
 
     return Score(design=design, found=judge(design, fine=fine, full=full, seed=seed, on_step=on_step))
-
-
-def compare(
-    designs: Mapping[str, SensorDesign] | Sequence[SensorDesign],
-    *,
-    fine: bool = False,
-    seed: int = 0,
-    out: str | PathLike[str] = OUT,
-    on_step: OnStep | None = None,
-) -> Comparison:
-    """Compare designs: the fields in which they differ, and the best design by each figure.
-
-    Page and picture are written into the first design's bundle.
-
-    Parameters
-    ----------
-    designs : two or more designs, as a mapping from names to designs, or as a sequence that uses the designs' own
-        names; equal names are numbered
-
-    Raises
-    ------
-    DesignError, InputError : too few designs are given, a design is given twice, or a design breaks a rule.
-    """
-    from optopad.jobs.compare import compare as hold
-    from optopad.screen.comparison import labelled
-
-    named = labelled(designs)
-    return hold(list(named.values()), list(named), Path(out), fine=fine, seed=seed, on_step=on_step or silent)
 
 
 def improve(
@@ -266,6 +237,7 @@ _LATER = {
     "Observations": "optopad.fabrication.driver.observations",
     "Sensor": "optopad.sensor.driver_view",
     "TouchReader": "optopad.fabrication.driver.touch_reader",
+    "compare": "optopad.verbs.compare",
     "sweep": "optopad.verbs.sweep",
 }
 """Names of `import optopad` that are imported when first used, and their modules."""

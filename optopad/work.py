@@ -90,7 +90,7 @@ def beside(work: Callable[[], Made]) -> Iterator[Callable[[], Made]]:
         started.result()
 
 
-def read_design(where: str, changes: list[str] | None) -> SensorDesign:
+def read_design(where: str, changes: Sequence[str] | None) -> SensorDesign:
     """Load a design file, a bundle's design, or a preset, and apply ``--set`` changes.
 
     Raises

@@ -100,7 +100,7 @@ class Commands(Mapping[str, Any]):
 
 
 OLD = {
-    "physics": "score simulate compare rays",
+    "physics": "score simulate rays",
     "search": "improve explore",
     "learning": "train predict evaluate calibrate",
     "design": "new check schema build studio",
@@ -126,7 +126,8 @@ def _command(above: str, name: str) -> Any:
         function = getattr(import_module(f"optopad.cli.{module}"), name)
     else:
         module = {"": name, "driver": f"driver.{name}"}.get(above, above)
-        function = command_of(getattr(import_module(f"optopad.verbs.{module}"), name))
+        found = import_module(f"optopad.verbs.{module}")
+        function = command_of(getattr(found, f"{name}_command", None) or getattr(found, name))
     app = typer.Typer(**SETTINGS)
     app.command(name, short_help=SHORT.get(f"{above} {name}"))(function)
     return typer.main.get_command(app)

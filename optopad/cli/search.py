@@ -263,7 +263,7 @@ def _say(result: Search) -> None:
 
 def _scoring(result: Search) -> str:
     """Command that scores the designs of the front, or the first of them if they are too many for one comparison."""
-    from optopad.jobs.compare import MOST_DESIGNS
+    from optopad.screen.comparison import MOST_DESIGNS
 
     if len(result.files) == 1:
         return f"optopad score {result.folder / result.files[0]}"

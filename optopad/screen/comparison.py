@@ -17,6 +17,7 @@ from optopad.sims.score.sweep import SweepRow
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+MOST_DESIGNS = 12
 NAMES = ("name", "description")
 """Fields that name a design."""
 WIDEST = 26
@@ -133,6 +134,10 @@ class Comparison(Result):
             if row.score["reason"]
         ]
         return [*lines, "* better than every other design by more than the sum of both uncertainties"]
+
+    def screen(self) -> list[str]:
+        """The comparison, and its files."""
+        return [*self.lines(), f"files     {self.folder} ({self.stem}: html, json, svg, png)"]
 
     def _told_apart(self, place: int) -> str:
         """Name and digest of a design, and the fields in which it differs from the first design."""
