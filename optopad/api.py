@@ -18,12 +18,10 @@ from optopad.design.progress import OnStep, silent
 if TYPE_CHECKING:
     from optopad.design.spec import SensorDesign
     from optopad.fabrication.driver.recording.recorded import Recorded
-    from optopad.results.bundle import Bundle
-    from optopad.results.comparison import Comparison
-    from optopad.results.improvement import Improvement
-    from optopad.results.prediction import Prediction
-    from optopad.results.score import Checked, Score
-    from optopad.results.sweep import Sweep
+    from optopad.screen.bundle import Bundle
+    from optopad.screen.improvement import Improvement
+    from optopad.screen.prediction import Prediction
+    from optopad.screen.score import Checked, Score
     from optopad.sims.learning.inference.touch_model import TouchModel
 
 OUT = "outputs"
@@ -73,7 +71,7 @@ def check(design: SensorDesign) -> Checked:
     The findings are those of `optopad check`.
     """
     from optopad.design.rules.check import check as findings_of
-    from optopad.results.score import Checked
+    from optopad.screen.score import Checked
 
     return Checked(design=design, findings=findings_of(design))
 
@@ -98,61 +96,10 @@ def score(
     ------
     DesignError : the design breaks a rule; `check` lists them.
     """
-    from optopad.results.score import Score
+    from optopad.screen.score import Score
     from optopad.sims.score.scoring import score as judge
 
     return Score(design=design, found=judge(design, fine=fine, full=full, seed=seed, on_step=on_step))
-
-
-def sweep(
-    design: SensorDesign,
-    field: str,
-    values: Sequence[Any],
-    *,
-    fine: bool = False,
-    seed: int = 0,
-    out: str | PathLike[str] = OUT,
-    on_step: OnStep | None = None,
-) -> Sweep:
-    """Score a design at several values of a field (a dotted path); table and figure are written to the bundle.
-
-    Raises
-    ------
-    DesignError, InputError : a field or value is invalid; nothing was computed.
-    """
-    from optopad.jobs.sweep import run_sweep
-
-    return run_sweep(
-        design, field, values, Path(out), fine=fine, seed=seed, build=False, on_step=on_step or silent
-    )
-
-
-def compare(
-    designs: Mapping[str, SensorDesign] | Sequence[SensorDesign],
-    *,
-    fine: bool = False,
-    seed: int = 0,
-    out: str | PathLike[str] = OUT,
-    on_step: OnStep | None = None,
-) -> Comparison:
-    """Compare designs: the fields in which they differ, and the best design by each figure.
-
-    Page and picture are written into the first design's bundle.
-
-    Parameters
-    ----------
-    designs : two or more designs, as a mapping from names to designs, or as a sequence that uses the designs' own
-        names; equal names are numbered
-
-    Raises
-    ------
-    DesignError, InputError : too few designs are given, a design is given twice, or a design breaks a rule.
-    """
-    from optopad.jobs.compare import compare as hold
-    from optopad.results.comparison import labelled
-
-    named = labelled(designs)
-    return hold(list(named.values()), list(named), Path(out), fine=fine, seed=seed, on_step=on_step or silent)
 
 
 def improve(
@@ -223,7 +170,7 @@ def predict(
     """
     from optopad.jobs.prediction import QUICK, USUAL
     from optopad.jobs.prediction import predict as foretell
-    from optopad.results.prediction import Prediction
+    from optopad.screen.prediction import Prediction
 
     found, folder = foretell(
         design,
@@ -287,16 +234,18 @@ def read_recording(
     return read_recorded(Path(file), topic=topic, press_topic=press_topic)
 
 
-_DRIVER = {
+_LATER = {
     "Observations": "optopad.fabrication.driver.observations",
     "Sensor": "optopad.sensor.driver_view",
     "TouchReader": "optopad.fabrication.driver.touch_reader",
+    "compare": "optopad.verbs.compare",
+    "sweep": "optopad.verbs.sweep",
 }
-"""Classes of `import optopad` that are imported when first used, and their modules."""
+"""Names of `import optopad` that are imported when first used, and their modules."""
 
 
 def __getattr__(name: str) -> Any:
-    """A class of the driver, as an attribute of `optopad`."""
-    if name not in _DRIVER:
+    """A verb, or a class of the driver, as an attribute of `optopad`."""
+    if name not in _LATER:
         raise AttributeError(f"module 'optopad' has no attribute {name!r}")
-    return getattr(import_module(_DRIVER[name]), name)
+    return getattr(import_module(_LATER[name]), name)

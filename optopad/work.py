@@ -32,6 +32,9 @@ from optopad.fabrication.bundle import program_digest
 if TYPE_CHECKING:
     from optopad.design.spec import SensorDesign
 
+OUT = "outputs"
+"""Default folder of the bundles, which are the output folders of designs."""
+
 _STARTED: WeakSet[subprocess.Popen[str]] = WeakSet()
 
 
@@ -86,7 +89,7 @@ def beside(work: Callable[[], Made]) -> Iterator[Callable[[], Made]]:
         started.result()
 
 
-def read_design(where: str, changes: list[str] | None) -> SensorDesign:
+def read_design(where: str, changes: Sequence[str] | None) -> SensorDesign:
     """Load a design file, a bundle's design, or a preset, and apply ``--set`` changes.
 
     Raises

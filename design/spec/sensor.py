@@ -692,7 +692,9 @@ class SensorDesign(Model):
         return self._digest_without(NOT_OF_SURFACE)
 
     def _digest_without(self, parts: set[str]) -> str:
-        return hashlib.sha256(canonical_json(self.model_dump(mode="json", exclude=parts)).encode()).hexdigest()
+        return hashlib.sha256(
+            canonical_json(self.model_dump(mode="json", exclude=parts)).encode()
+        ).hexdigest()
 
     def with_(self, **changes: Any) -> Self:
         """Return a copy with new values at dotted paths, such as ``with_(**{"cavity.clear_thickness_mm": 10})``.

@@ -13,8 +13,8 @@ import typer
 
 from optopad.cli import options
 from optopad.cli.interrupts import answered
-from optopad.cli.output import print_json, progress, say
 from optopad.design.errors import DeviceError, InputError, OutputError
+from optopad.screen.output import print_json, progress, say
 
 if TYPE_CHECKING:
     from optopad.design.recordings import SetEntry

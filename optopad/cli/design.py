@@ -14,9 +14,9 @@ import typer
 
 from optopad.cli import options
 from optopad.cli.interrupts import answered
-from optopad.cli.output import print_json, progress, say, tell
 from optopad.design.errors import DesignError, InputError, ModelScopeError
 from optopad.design.preset import PRESETS
+from optopad.screen.output import print_json, progress, say, tell
 from optopad.work import read_design
 
 if TYPE_CHECKING:
@@ -75,8 +75,8 @@ def check(
 
     from optopad.design.rules.check import by_weight, notes
     from optopad.design.rules.check import check as findings_of
-    from optopad.results.figures import summary_words
     from optopad.screen.answer import as_typed
+    from optopad.screen.figures import summary_words
     from optopad.screen.verdict import findings_screen, rate_words
 
     read = read_design(design, set_)

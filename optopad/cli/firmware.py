@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from optopad.cli import options
-from optopad.cli.output import print_json, say
 from optopad.design.errors import DeviceError
+from optopad.screen.output import print_json, say
 from optopad.work import read_design
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from optopad.cli import options
-from optopad.cli.output import foretell_score, print_json, progress, say
+from optopad.screen.output import foretell_score, print_json, progress, say
 from optopad.work import read_design
 
 

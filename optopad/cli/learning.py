@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from optopad.cli import options
-from optopad.cli.output import progress, tell
+from optopad.screen.output import progress, tell
 from optopad.work import read_design
 
 
@@ -46,7 +46,7 @@ def evaluate(
     """Report the errors of models on known presses: tables of touch, location and depth, plots, a page."""
     from optopad.jobs.evaluation import evaluate as judge
     from optopad.jobs.prediction import write_accuracy
-    from optopad.results.prediction import accuracy_lines
+    from optopad.screen.prediction import accuracy_lines
 
     read = read_design(design, set_) if design is not None else None
     data = options.named(data)
@@ -88,7 +88,7 @@ def predict(
         raise InputError("predict: --quick and --full contradict each other; give one of them")
     read = read_design(design, set_)
     from optopad.jobs.prediction import FULL, QUICK, USUAL, predict
-    from optopad.results.prediction import accuracy_lines
+    from optopad.screen.prediction import accuracy_lines
 
     with progress(quiet=as_json) as step:
         found, folder = predict(

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from optopad.cli import options
-from optopad.cli.output import tell
 from optopad.design.errors import InputError
+from optopad.screen.output import tell
 
 if TYPE_CHECKING:
     from optopad.design.part_entry import LedSheet, PartEntry, PhotodiodeSheet

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from optopad.cli import options
-from optopad.cli.output import foretell_score, progress, tell
 from optopad.design.errors import InputError
 from optopad.design.spec import SensorDesign
-from optopad.work import is_recording, parsed_change, parsed_value, read_design
+from optopad.screen.output import foretell_score, progress, tell
+from optopad.work import read_design
 
 if TYPE_CHECKING:
     from optopad.design.spec import SensorDesign
@@ -175,200 +174,6 @@ def _signal_lines(summary: dict[str, Any]) -> Iterator[str]:
             f"ray tracer: {found['rays']} rays an emitter; chi-square {found['chi_square']:.1f} over "
             f"{found['compared']} pairs and states; largest difference {found['largest_z']:.1f} standard errors"
         )
-
-
-MAX_SWEEP_VALUES = 200
-
-
-def sweep(
-    design: options.Design,
-    field: Annotated[str, typer.Argument(metavar="FIELD=A:B:STEP", help="Field to vary; or FIELD=v1,v2,...")],
-    set_: options.Set = None,
-    fine: options.Fine = False,
-    build: Annotated[
-        bool,
-        typer.Option(
-            "--build", help="Make the whole bundle of each value; the value is engraved in its mold."
-        ),
-    ] = False,
-    out: options.Out = options.DEFAULT_OUT,
-    seed: options.Seed = 0,
-    as_json: options.Json = False,
-) -> None:
-    """Score a design at values of one field: table and figure; the same command continues an interrupted run."""
-    path, values = parsed_sweep(field)
-    read = read_design(design, set_)
-    from optopad.jobs.sweep import run_sweep
-
-    with progress(quiet=as_json) as step:
-        made = run_sweep(read, path, values, out, fine=fine, seed=seed, build=build, on_step=step)
-    bundles = [f"bundle    {folder}" for folder in made.bundles]
-    files = f"files     {made.folder / 'sims'} (sweep-{path}: csv, json, svg, png)"
-    tell(as_json, made.to_json, lambda: [*made.lines(), *bundles, files])
-
-
-def parsed_sweep(text: str) -> tuple[str, list[Any]]:
-    """Parse field and values from a text ``FIELD=A:B:STEP`` (both ends included) or ``FIELD=v1,v2,...``.
-
-    Whole numbers become int, for fields that count parts.
-
-    Raises
-    ------
-    InputError : the text has another form, or the range is empty or infinite.
-    """
-    from optopad.design.errors import InputError
-
-    path, equals, span = text.partition("=")
-    if not equals or not path or not span:
-        raise InputError(
-            f"sweep: {text!r} is refused: write FIELD=A:B:STEP, as cavity.clear_thickness_mm=6:12:0.5"
-        )
-    if ":" not in span:
-        return path, _listed(span)
-    try:
-        first, last, step = (float(number) for number in span.split(":"))
-    except ValueError:
-        raise InputError(f"sweep: {span!r} is refused: write A:B:STEP, three numbers") from None
-    steps = (last - first) / step + 1e-9 if step > 0 else math.nan
-    if not 0 <= steps < MAX_SWEEP_VALUES:  # also false for a number that is not finite
-        raise InputError(
-            f"sweep: {span!r} is refused: give 1 to {MAX_SWEEP_VALUES} values, A up to B, STEP above 0"
-        )
-    values = [round(first + step * number, 9) for number in range(math.floor(steps) + 1)]
-    is_whole = all(_is_whole(number) for number in span.split(":"))
-    return path, [int(value) for value in values] if is_whole else list(values)
-
-
-def _is_whole(text: str) -> bool:
-    try:
-        int(text)
-    except ValueError:
-        return False
-    return True
-
-
-def _listed(span: str) -> list[Any]:
-    from optopad.design.errors import InputError
-
-    texts = [text.strip() for text in span.split(",")]
-    if not all(texts):
-        raise InputError(f"sweep: {span!r} is refused: a value between commas is missing")
-    if len(texts) > MAX_SWEEP_VALUES:
-        raise InputError(f"sweep: {len(texts)} values are refused: give 1 to {MAX_SWEEP_VALUES}")
-    return [parsed_value(text) for text in texts]
-
-
-PRESSES = (".nc", ".csv")
-
-
-def compare(
-    what: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="DESIGN...",
-            help="Designs, bundles or presets; or one and a RECORDING (.nc, .csv, .optorec, .mcap, bag).",
-        ),
-    ],
-    with_: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--with",
-            metavar="PATH=VALUE",
-            help="A copy of the first design with this change, as receivers.part=...; several changes: "
-            "'A=1;B=2'. Repeatable: one copy each.",
-        ),
-    ] = None,
-    pair: Annotated[
-        list[str] | None, typer.Option("--pair", help="Recording: a pair to show, as E1-R1. Repeatable.")
-    ] = None,
-    at: Annotated[
-        str | None,
-        typer.Option("--at", metavar="X,Y", help="Recording: the location whose press is shown [mm]."),
-    ] = None,
-    topic: options.Topic = None,
-    press_topic: options.PressTopic = None,
-    set_: options.Set = None,
-    fine: options.Fine = False,
-    out: options.Out = options.DEFAULT_OUT,
-    seed: options.Seed = 0,
-    as_json: options.Json = False,
-) -> None:
-    """Compare designs and their scores, or a measured press with the simulated curve."""
-    recordings = [name for name in what if Path(name).suffix.lower() in PRESSES or is_recording(Path(name))]
-    topics = (topic, press_topic)
-    if recordings:
-        _recording(what, recordings, with_, pair, at, topics, set_, out, seed, as_json)
-        return
-    _refuse(
-        pair or at or any(topics),
-        "--pair, --at, --topic and --press-topic are for a recording; leave them out, or name its file",
-    )
-    from optopad.jobs.compare import compare as hold
-
-    designs, labels = _designs(what, with_, set_)
-    with progress(quiet=as_json) as step:
-        found = hold(designs, labels, out, fine=fine, seed=seed, on_step=step)
-    files = f"files     {found.folder} ({found.stem}: html, json, svg, png)"
-    tell(as_json, found.to_json, lambda: [*found.lines(), files])
-
-
-def _designs(
-    what: list[str], with_: list[str] | None, set_: list[str] | None
-) -> tuple[list[SensorDesign], list[str]]:
-    designs = [read_design(name, set_) for name in what]
-    labels = _labels(what, [design.name for design in designs])
-    for text in with_ or []:
-        changes = dict(parsed_change(one, option="--with") for one in text.split(";"))
-        designs.append(designs[0].with_(**changes))
-        labels.append(text)
-    return designs, labels
-
-
-def _labels(what: list[str], names: list[str]) -> list[str]:
-    return names if len(set(names)) == len(names) else list(what)
-
-
-def _refuse(given: object, message: str) -> None:
-    from optopad.design.errors import InputError
-
-    if given:
-        raise InputError(f"compare: {message}")
-
-
-def _recording(
-    what: list[str],
-    recordings: list[str],
-    with_: list[str] | None,
-    pair: list[str] | None,
-    at: str | None,
-    topics: tuple[str | None, str | None],
-    set_: list[str] | None,
-    out: Path,
-    seed: int,
-    as_json: bool,
-) -> None:
-    _refuse(
-        len(what) != 2 or len(recordings) != 1, "a recording is compared with one design: DESIGN RECORDING"
-    )
-    _refuse(with_, "--with makes copies of a design; a recording is compared with the design that was built")
-    from optopad.jobs.recorded import compare_recording, recorded_lines
-
-    place, file = next(name for name in what if name not in recordings), Path(recordings[0])
-    read = read_design(place, set_)
-    with progress(quiet=as_json) as step:
-        found = compare_recording(
-            read,
-            file,
-            out,
-            pairs=pair or [],
-            at=at,
-            seed=seed,
-            topic=topics[0],
-            press_topic=topics[1],
-            on_step=step,
-        )
-    files = f"files     {found.folder} ({found.stem}: json, svg, png)"
-    tell(as_json, found.to_json, lambda: [*recorded_lines(found), files])
 
 
 def rays(

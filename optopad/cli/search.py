@@ -12,16 +12,16 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from optopad.cli import options
-from optopad.cli.output import print_json, progress, say
 from optopad.design.errors import InputError
 from optopad.design.spec import SensorDesign
+from optopad.screen.output import print_json, progress, say
 from optopad.work import parsed_change, read_design
 
 if TYPE_CHECKING:
     from optopad.design.search.explore import Findings, OnTried
     from optopad.design.search.improve import Tried
     from optopad.design.search.space import SearchSpace
-    from optopad.results.shown import Search
+    from optopad.screen.shown import Search
 
 
 def improve(
@@ -222,7 +222,7 @@ def standing(found: Findings) -> str:
 
 def front_lines(result: Search) -> list[str]:
     """Lines of a table of the base design and the front: figures of the search, verdicts, sizes and price."""
-    from optopad.results.figures import figures_of, in_columns
+    from optopad.screen.figures import figures_of, in_columns
 
     found = result.findings
     names = [objective.figure for objective in found.space.objectives]
@@ -263,7 +263,7 @@ def _say(result: Search) -> None:
 
 def _scoring(result: Search) -> str:
     """Command that scores the designs of the front, or the first of them if they are too many for one comparison."""
-    from optopad.jobs.compare import MOST_DESIGNS
+    from optopad.screen.comparison import MOST_DESIGNS
 
     if len(result.files) == 1:
         return f"optopad score {result.folder / result.files[0]}"

@@ -17,8 +17,8 @@ import typer
 
 from optopad.cli import options
 from optopad.cli.interrupts import answered
-from optopad.cli.output import print_json, progress, say, tell
 from optopad.design.errors import DeviceError, InputError, OutputError
+from optopad.screen.output import print_json, progress, say, tell
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

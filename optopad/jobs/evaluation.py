@@ -13,7 +13,7 @@ from optopad.design.progress import OnStep
 from optopad.design.shape.cavity import workspace_of
 from optopad.design.shape.outline import Outline, rectangle
 from optopad.design.spec import SensorDesign
-from optopad.results.prediction import ModelAccuracy, PredictedAccuracy, accuracy_of
+from optopad.screen.prediction import ModelAccuracy, PredictedAccuracy, accuracy_of
 from optopad.sims.learning.inference.header import require_design as require_model_of
 from optopad.sims.learning.inference.model_file import load_model
 from optopad.sims.learning.inference.touch_model import TouchModel

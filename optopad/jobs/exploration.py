@@ -32,8 +32,8 @@ from optopad.design.search.figures import FIGURES
 from optopad.design.search.importance import importances
 from optopad.design.search.improve import FanOut, Tried, one_by_one
 from optopad.design.search.space import SearchSpace, Value
-from optopad.results.figures import figures_of
-from optopad.results.shown import Search
+from optopad.screen.figures import figures_of
+from optopad.screen.shown import Search
 
 PLACES = "places.json"
 WAY_OUT = "choose another folder with --out"

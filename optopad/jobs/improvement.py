@@ -73,9 +73,9 @@ from optopad.design.spec.cheap_fields import CLEAR, HEIGHTS, TARGET
 from optopad.jobs.exploration import search
 from optopad.jobs.smallest_mold import least_rim, smallest_mold
 from optopad.report.search import search_page
-from optopad.results.improvement import AT_RISK, Alternative, Improvement, Nearest
-from optopad.results.score import Score
-from optopad.results.shown import Search
+from optopad.screen.improvement import AT_RISK, Alternative, Improvement, Nearest
+from optopad.screen.score import Score
+from optopad.screen.shown import Search
 from optopad.sims.readings.readout import most_target_counts
 from optopad.sims.score.build_tolerance import with_tolerance
 from optopad.sims.score.cost import score_cost

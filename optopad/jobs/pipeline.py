@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from optopad.fabrication.sheets.bom import BomRow
     from optopad.fabrication.sheets.prices import Price, PriceKey
     from optopad.report.sections.early import EarlyDrawings
-    from optopad.results.bundle import Bundle
+    from optopad.screen.bundle import Bundle
     from optopad.sims.score.result import ContinuityScore
 
 REFUSED = 2
@@ -74,7 +74,7 @@ def run(
     DesignError : the design breaks a rule; nothing is written.
     OutputError : the folder cannot be written; an earlier bundle is intact.
     """
-    from optopad.results.bundle import Bundle
+    from optopad.screen.bundle import Bundle
 
     require_valid(design)
     final, mold, answer = out / bundle_name(design), mold_part(design), answer_part(design, seed, fine=fine)
@@ -341,7 +341,7 @@ def _scored(
 
     Files that do not depend on the tolerances are written while the effect of tolerances is computed.
     """
-    from optopad.results.figures import summary_words
+    from optopad.screen.figures import summary_words
     from optopad.screen.verdict import answer_of
     from optopad.sims.score.build_tolerance import with_tolerance
     from optopad.sims.score.field_steps import with_field_steps

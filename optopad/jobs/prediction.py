@@ -31,7 +31,7 @@ from optopad.jobs.evaluation import accuracies
 from optopad.plot_files import write_plot
 from optopad.report.accuracy import accuracy_page
 from optopad.report.sections.drawings import Drawing
-from optopad.results.prediction import ModelAccuracy, PredictedAccuracy, accuracy_of
+from optopad.screen.prediction import ModelAccuracy, PredictedAccuracy, accuracy_of
 from optopad.sims.learning.chain_bounds import bounds_by_depth
 from optopad.sims.learning.inference.model_file import save_model
 from optopad.sims.learning.inference.signal_map import KIND as SIGNAL_MAP

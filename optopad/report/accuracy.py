@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from optopad.report.sections.drawings import Drawing, figure_of
 from optopad.report.words import Html, bullets, element, section, still_page, table
-from optopad.results.prediction import ModelAccuracy, PredictedAccuracy, bound_text
+from optopad.screen.prediction import ModelAccuracy, PredictedAccuracy, bound_text
 from optopad.sims.learning.tables import WITHIN_MM, ErrorRow, Spread
 
 TITLES = {

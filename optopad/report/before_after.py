@@ -11,9 +11,9 @@ from html import escape
 from optopad.design.shape.cavity import cavity_of
 from optopad.design.spec import SensorDesign
 from optopad.report.words import Html, element, section, table
-from optopad.results.comparison import Comparison, shown_value
-from optopad.results.figures import PadFigures, figures_of
-from optopad.results.improvement import Improvement
+from optopad.screen.comparison import Comparison, shown_value
+from optopad.screen.figures import PadFigures, figures_of
+from optopad.screen.improvement import Improvement
 from optopad.screen.verdict_sentences import changes_words, sentences_of
 from optopad.sims.plots.maps import plot_margin_map
 from optopad.sims.plots.signal import plot_signal

@@ -25,8 +25,8 @@ from string import Template
 from typing import Any
 
 from optopad.design.spec import SensorDesign
-from optopad.results.figures import figures_of
 from optopad.screen.answer import counted
+from optopad.screen.figures import figures_of
 from optopad.screen.verdict_sentences import no_fix_words, sentences_of, signed, spans
 from optopad.sims.bounds.observability import BoundFigure, PadBounds
 from optopad.sims.score.result import ContinuityScore, JudgedPair, Verdict
@@ -277,7 +277,7 @@ NOTES = {
     "parts": "LEDs and photodiodes",
     "price": "of the rows of the bill whose price is known",
 }
-"""What the figures of a design are of, by their names in `optopad.results.figures`."""
+"""What the figures of a design are of, by their names in `optopad.screen.figures`."""
 
 
 def headline(design: SensorDesign, score: ContinuityScore) -> Html:

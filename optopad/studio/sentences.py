@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from html import escape
 
 from optopad.design.shape.cavity import PlacedPart
-from optopad.results.figures import figures_of
+from optopad.screen.figures import figures_of
 from optopad.screen.stages import STAGE_TITLES
 from optopad.screen.verdict_sentences import sentences_of, verdict_words
 from optopad.studio.live import LiveView

@@ -249,7 +249,9 @@ def _tops_of_presses(
 ) -> Tops:
     """Tops of groups of equal presses; the contact model runs only if their light is not stored."""
     traced = tips[classes.first]
-    source = hashlib.blake2b(f"{_contact_sources()} {design.surface_digest} {tips.shape}".encode() + traced.tobytes())
+    source = hashlib.blake2b(
+        f"{_contact_sources()} {design.surface_digest} {tips.shape}".encode() + traced.tobytes()
+    )
     return Tops(scene, lambda: (traced[:, :, :2], *_made(design, scene, traced)), source.digest())
 
 

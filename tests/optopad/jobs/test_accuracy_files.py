@@ -9,7 +9,7 @@ from optopad.design.errors import DesignError
 from optopad.design.preset import preset
 from optopad.design.shape.outline import rectangle
 from optopad.jobs.prediction import write_accuracy
-from optopad.results.prediction import PredictedAccuracy, accuracy_lines, accuracy_of
+from optopad.screen.prediction import PredictedAccuracy, accuracy_lines, accuracy_of
 from optopad.sims.learning.tables import JudgedPresses, published_touch
 from tests.said import says
 

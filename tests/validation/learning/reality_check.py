@@ -29,7 +29,7 @@ from optopad.design.spec import SensorDesign
 from optopad.fabrication.bundle import program_digest
 from optopad.jobs.evaluation import accuracies
 from optopad.jobs.prediction import bound_mm
-from optopad.results.prediction import ModelAccuracy, accuracy_of, bound_text
+from optopad.screen.prediction import ModelAccuracy, accuracy_of, bound_text
 from optopad.sims.learning.inference.signal_map import KIND as SIGNAL_MAP
 from optopad.sims.learning.learners import LEARNERS, Learner
 from optopad.sims.learning.map_learner import signal_map_learner

@@ -33,7 +33,7 @@ from optopad.design.search.improve import HEIGHTS, Judged, Limit, betters, impro
 from optopad.design.spec import SensorDesign
 from optopad.design.spec.cheap_fields import CLEAR
 from optopad.jobs.improvement import improve
-from optopad.results.figures import figures_of
+from optopad.screen.figures import figures_of
 from optopad.sims.score.build_tolerance import with_tolerance
 from optopad.sims.score.objective import judge, sizes_of, with_bounds
 from optopad.sims.score.result import ContinuityScore

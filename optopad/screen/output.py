@@ -8,8 +8,9 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -21,6 +22,23 @@ from optopad.sims.compiling import compiling_told
 
 if TYPE_CHECKING:
     from optopad.design.spec import SensorDesign
+
+
+@dataclass(frozen=True)
+class Told:
+    """What a verb says: plain data for ``--json``, lines for the terminal, and the exit code."""
+
+    document: dict[str, Any]
+    lines: Sequence[str]
+    exit_code: int = 0
+
+    def to_json(self) -> dict[str, Any]:
+        """The data that ``--json`` prints."""
+        return self.document
+
+    def screen(self) -> Sequence[str]:
+        """The lines that the terminal shows."""
+        return self.lines
 
 
 def tell(as_json: bool, document: Callable[[], dict[str, Any]], lines: Callable[[], Iterable[str]]) -> None:

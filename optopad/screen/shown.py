@@ -43,7 +43,11 @@ class Result(ABC):
 
     @abstractmethod
     def lines(self) -> list[str]:
-        """The lines that the command line prints."""
+        """The result as text."""
+
+    def screen(self) -> list[str]:
+        """The lines that the command line prints: the result, and where its files are."""
+        return self.lines()
 
     def __repr__(self) -> str:
         return "\n".join(self.lines())

@@ -10,9 +10,9 @@ from optopad.design.errors import InputError
 from optopad.design.fields.finding import Finding
 from optopad.design.shape.cavity import cavity_of
 from optopad.design.spec import SensorDesign
-from optopad.results.figures import summary_words
-from optopad.results.shown import WIDTH_IN, block, drawn, picture, table
 from optopad.screen.answer import counted
+from optopad.screen.figures import summary_words
+from optopad.screen.shown import WIDTH_IN, block, drawn, picture, table
 from optopad.screen.verdict import verdict_screen
 from optopad.screen.verdict_sentences import sentences_of
 from optopad.sims.score.result import ContinuityScore, JudgedPair, KeyFigures

@@ -10,13 +10,14 @@ from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 from optopad.design.spec import SensorDesign
-from optopad.results.figures import TABLE_WIDTH, Better, PadFigures, figure_lines
-from optopad.results.shown import Result, block, picture, table
+from optopad.screen.figures import TABLE_WIDTH, Better, PadFigures, figure_lines
+from optopad.screen.shown import Result, block, picture, table
 from optopad.sims.score.sweep import SweepRow
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+MOST_DESIGNS = 12
 NAMES = ("name", "description")
 """Fields that name a design."""
 WIDEST = 26
@@ -133,6 +134,10 @@ class Comparison(Result):
             if row.score["reason"]
         ]
         return [*lines, "* better than every other design by more than the sum of both uncertainties"]
+
+    def screen(self) -> list[str]:
+        """The comparison, and its files."""
+        return [*self.lines(), f"files     {self.folder} ({self.stem}: html, json, svg, png)"]
 
     def _told_apart(self, place: int) -> str:
         """Name and digest of a design, and the fields in which it differs from the first design."""

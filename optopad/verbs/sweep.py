@@ -8,75 +8,132 @@ no score is computed again.
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import replace
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
+from optopad.cli.verb import typed, verb
+from optopad.design.errors import InputError
 from optopad.design.io import write_text_atomically
 from optopad.design.progress import OnStep, silent
 from optopad.design.shape.cavity import cavity_of, is_facing_rows
 from optopad.design.spec import SensorDesign
 from optopad.fabrication.bundle import bundle, bundle_name
 from optopad.plot_files import write_plot
-from optopad.results.figures import figures_of
-from optopad.results.sweep import FINE, FULL, Sweep
+from optopad.screen.figures import figures_of
+from optopad.screen.sweep import FINE, FULL, Sweep
 from optopad.sims.score.sweep import SweepRow, disputed, sweep_row, swept_designs
-from optopad.work import FinishedWork
+from optopad.work import OUT, FinishedWork, parsed_value
 
 NAME_LIMIT = 63
 """Largest number of characters in a design's name."""
+MOST_VALUES = 200
 
 
-def run_sweep(
+@verb(field=typed("FIELD=A:B:STEP"), values=None)
+def sweep(
     design: SensorDesign,
-    path: str,
-    values: Sequence[Any],
-    out: Path,
+    field: str,
+    values: Sequence[Any] | None = None,
     *,
-    fine: bool,
-    seed: int,
-    build: bool,
-    on_step: OnStep,
+    fine: bool = False,
+    build: bool = False,
+    out: str | PathLike[str] = OUT,
+    seed: int = 0,
+    on_step: OnStep | None = None,
 ) -> Sweep:
-    """Score a design at several values of one field.
+    """Score a design at values of one field: table and figure; the same command continues an interrupted run.
 
     Parameters
     ----------
-    build : whether to make the whole bundle for every value, with the value engraved in the mold
+    field : Field to vary; or FIELD=v1,v2,...
+    values : values of the field, a dotted path; None if they are in `field`, as on the command line
+    build : Make the whole bundle of each value; the value is engraved in its mold.
 
     Raises
     ------
     DesignError, InputError : a field or value is invalid; nothing was computed.
     OutputError : a folder cannot be written; finished values are stored if possible.
     """
+    path, values = parsed_sweep(field) if values is None else (field, values)
+    folder, step = Path(out), on_step or silent
     variants = swept_designs(design, path, values)
     if build:
         variants = tuple(marked(variant, value) for variant, value in zip(variants, values, strict=True))
     asked = [[variant.digest for variant in variants], path, fine, seed, build]
-    kept = FinishedWork(out, f"{bundle_name(design)}.sweep", asked)
+    kept = FinishedWork(folder, f"{bundle_name(design)}.sweep", asked)
     taken_up, rows = len(kept), []
     for done, (variant, value) in enumerate(zip(variants, values, strict=True)):
-        on_step(f"sweep of {path}", done / len(values))
-        rows.append(_row(variant, value, out, kept, fine=fine, seed=seed, build=build))
+        step(f"sweep of {path}", done / len(values))
+        rows.append(_row(variant, value, folder, kept, fine=fine, seed=seed, build=build))
     if not (fine or build):
         again = disputed(rows)
         for done, number in enumerate(again):
-            on_step("rows in dispute", done / len(again))
+            step("rows in dispute", done / len(again))
             rows[number] = _refined(variants[number], rows[number], kept, seed)
-    on_step(f"sweep of {path}", 1.0)
-    sweep = Sweep(
+    step(f"sweep of {path}", 1.0)
+    made = Sweep(
         field=path,
         rows=tuple(rows),
         figures=tuple(figures_of(variant, row.score) for variant, row in zip(variants, rows, strict=True)),
         taken_up=taken_up,
-        folder=out / bundle_name(design),
-        bundles=tuple(out / bundle_name(variant) for variant in variants) if build else (),
+        folder=folder / bundle_name(design),
+        bundles=tuple(folder / bundle_name(variant) for variant in variants) if build else (),
     )
-    _write(design, out, sweep, seed)
+    _write(design, folder, made, seed)
     kept.forget()
-    return sweep
+    return made
+
+
+def parsed_sweep(text: str) -> tuple[str, list[Any]]:
+    """Parse field and values from a text ``FIELD=A:B:STEP`` (both ends included) or ``FIELD=v1,v2,...``.
+
+    Whole numbers become int, for fields that count parts.
+
+    Raises
+    ------
+    InputError : the text has another form, or the range is empty or infinite.
+    """
+    path, equals, span = text.partition("=")
+    if not equals or not path or not span:
+        raise InputError(
+            f"sweep: {text!r} is refused: write FIELD=A:B:STEP, as cavity.clear_thickness_mm=6:12:0.5"
+        )
+    if ":" not in span:
+        return path, _listed(span)
+    try:
+        first, last, step = (float(number) for number in span.split(":"))
+    except ValueError:
+        raise InputError(f"sweep: {span!r} is refused: write A:B:STEP, three numbers") from None
+    steps = (last - first) / step + 1e-9 if step > 0 else math.nan
+    if not 0 <= steps < MOST_VALUES:  # also false for a number that is not finite
+        raise InputError(
+            f"sweep: {span!r} is refused: give 1 to {MOST_VALUES} values, A up to B, STEP above 0"
+        )
+    values = [round(first + step * number, 9) for number in range(math.floor(steps) + 1)]
+    is_whole = all(_is_whole(number) for number in span.split(":"))
+    return path, [int(value) for value in values] if is_whole else list(values)
+
+
+def _is_whole(text: str) -> bool:
+    try:
+        int(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _listed(span: str) -> list[Any]:
+    texts = [text.strip() for text in span.split(",")]
+    if not all(texts):
+        raise InputError(f"sweep: {span!r} is refused: a value between commas is missing")
+    if len(texts) > MOST_VALUES:
+        raise InputError(f"sweep: {len(texts)} values are refused: give 1 to {MOST_VALUES}")
+    return [parsed_value(text) for text in texts]
 
 
 def marked(design: SensorDesign, value: Any) -> SensorDesign:
@@ -122,16 +179,16 @@ def _refined(variant: SensorDesign, row: SweepRow, kept: FinishedWork, seed: int
     return again
 
 
-def _judged_finer(variant: SensorDesign, setting: str, seed: int) -> Any:
-    return _scored(variant, fine=setting == FINE, full=setting == FULL, seed=seed)
-
-
 def _judged(variant: SensorDesign, out: Path, *, fine: bool, seed: int, build: bool) -> Any:
     if build:
         from optopad.jobs.pipeline import run
 
         return run(variant, out, fine=fine, seed=seed, on_step=silent).score.found
     return _scored(variant, fine=fine, seed=seed)
+
+
+def _judged_finer(variant: SensorDesign, setting: str, seed: int) -> Any:
+    return _scored(variant, fine=setting == FINE, full=setting == FULL, seed=seed)
 
 
 def _scored(variant: SensorDesign, **settings: Any) -> Any:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from optopad.results.figures import PadFigures, figure_lines
-from optopad.results.shown import Result, block, picture, table
+from optopad.screen.figures import PadFigures, figure_lines
+from optopad.screen.shown import Result, block, picture, table
 from optopad.sims.score.sweep import SweepRow
 
 if TYPE_CHECKING:
@@ -154,6 +154,11 @@ class Sweep(Result):
                 f"{self.taken_up} of {len(self.rows)} values were computed by an earlier, interrupted sweep"
             )
         return lines
+
+    def screen(self) -> list[str]:
+        """The table, the bundles and the files."""
+        files = f"files     {self.folder / 'sims'} (sweep-{self.field}: csv, json, svg, png)"
+        return [*self.lines(), *(f"bundle    {folder}" for folder in self.bundles), files]
 
     def _repr_html_(self) -> str:
         cells = [one.cells for one in self.figures]

@@ -12,7 +12,7 @@ from optopad.design.spec import SensorDesign
 from optopad.screen.answer import checks_line
 
 if TYPE_CHECKING:
-    from optopad.results.score import Score
+    from optopad.screen.score import Score
     from optopad.sims.score.result import ContinuityScore
 
 
@@ -40,7 +40,7 @@ class Bundle:
     @cached_property
     def score(self) -> Score:
         """The verdict."""
-        from optopad.results.score import Score
+        from optopad.screen.score import Score
 
         return Score(design=self.design, found=self.score_of())
 
@@ -63,6 +63,6 @@ class Bundle:
         return f"{self.folder}\n{self.score!r}\n{checks_line(self.checks)}"
 
     def _repr_html_(self) -> str:
-        from optopad.results.shown import block
+        from optopad.screen.shown import block
 
         return block(str(self.folder), (checks_line(self.checks),), self.score._repr_html_())
