@@ -13,17 +13,27 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import cadquery as cq
+import numpy as np
 
 from optopad.cad.checks import Checks, PartFile, check_parts, with_slices
 from optopad.cad.indenter_tip import indenter_tip
 from optopad.cad.leveling_blade import leveling_blade
 from optopad.cad.lid import lid, lid_size, turned_over
-from optopad.cad.mesh import CHORD_MM, Mesh, mesh_of, stl_bytes, threemf_bytes
+from optopad.cad.mesh import (
+    CHORD_MM,
+    Mesh,
+    mesh_of,
+    mold_picture,
+    read_stl,
+    section_picture,
+    stl_bytes,
+    threemf_bytes,
+)
 from optopad.cad.mold import build_mold, part_mold
 from optopad.cad.pour_gauge import pour_gauge
 from optopad.cad.solder_jig import solder_jig
@@ -46,6 +56,8 @@ FILES = (
     "solder_jig.stl",
     "indenter_tip.stl",
     "checks.json",
+    "mold.png",
+    "lid.png",
 )
 
 ADAPTIVE_SHARE = 1e-7
@@ -113,7 +125,21 @@ def part_files(
     if slice_parts:
         checks = with_slices(checks, design, tuple(printed), bed_mm)
     files["checks.json"] = checks_bytes(checks)
-    return files
+    return files | _pictures(design, files)
+
+
+def _pictures(design: SensorDesign, files: Mapping[str, bytes]) -> dict[str, bytes]:
+    """Pictures of the mold, and of the mold and its lid cut through the middle, as PNG files."""
+    mold, size = read_stl(files["mold.stl"]), lid_size(design)
+    found = {"mold.png": mold_picture(mold)}
+    if size is not None:
+        lift = np.array([0.0, 0.0, bed_lift_mm(design)], dtype=np.float32)
+        closed = (
+            Mesh(vertices=mold.vertices - lift, triangles=mold.triangles),
+            turned_over(read_stl(files["lid.stl"]), design, size),
+        )
+        found["lid.png"] = section_picture(closed, design.cavity.width_mm / 2)
+    return found
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -188,10 +188,15 @@ def run(
     *,
     fine: bool = False,
     seed: int = 0,
+    force: bool = False,
     out: str | PathLike[str] = OUT,
     on_step: OnStep | None = None,
 ) -> Bundle:
     """Make the whole bundle: mold, verdict, sheets, firmware, driver configuration, report.
+
+    Parameters
+    ----------
+    force : whether to make parts again that the bundle has from the same inputs
 
     Raises
     ------
@@ -200,7 +205,7 @@ def run(
     """
     from optopad.jobs.pipeline import run as make
 
-    return make(design, Path(out), fine=fine, seed=seed, on_step=on_step or silent)
+    return make(design, Path(out), fine=fine, seed=seed, force=force, on_step=on_step or silent)
 
 
 def load_model(file: str | PathLike[str]) -> TouchModel:

@@ -63,7 +63,7 @@ ALLOWED = {
         "scipy",
         "numba",
     },  # numba tells when it compiles
-    "sims/contact": {"mujoco", "numpy", "scipy", "platformdirs"},
+    "sims/contact": {"mujoco", "numpy", "scipy", "platformdirs", "threadpoolctl"},
     "sims/optics": {
         "numba",
         "numpy",

@@ -7,10 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from optopad.design.mold.filling import is_cast_under_lid
-from optopad.design.mold.outline import bed_lift_mm
 from optopad.design.preset import true_description
 from optopad.design.shape.cavity import CavityGeometry, PlacedPart, Plan, cavity_of, plan_of
 from optopad.design.spec import SensorDesign
@@ -19,7 +16,7 @@ from optopad.report.sections.drawings import Drawing, figure_of
 from optopad.report.words import Html, element, facts, section, table
 from optopad.screen.answer import counted
 
-MOLD_STL, LID_STL = "cad/mold.stl", "cad/lid.stl"
+MOLD_STL, LID_STL, MOLD_PNG, LID_PNG = "cad/mold.stl", "cad/lid.stl", "cad/mold.png", "cad/lid.png"
 ALONG = ", along the normal of the top where the tip touches"
 WIRING_SVG = "fabrication/wiring.svg"
 SCHEMATIC_SVG = "fabrication/schematic.svg"
@@ -46,8 +43,8 @@ class Pictures:
 def pictures_of(design: SensorDesign, folder: Path) -> Pictures:
     """Pictures of the mold and its lid, and the drawings of the build sheet."""
     return Pictures(
-        mold=_mold_address(folder / MOLD_STL),
-        lid=_lid_address(design, folder),
+        mold=_png_address(folder / MOLD_PNG),
+        lid=_png_address(folder / LID_PNG),
         has_origin_corner=plan_of(design).has_origin_corner,
         wiring=_svg_address(folder / WIRING_SVG),
         schematic=_svg_address(folder / SCHEMATIC_SVG),
@@ -55,30 +52,8 @@ def pictures_of(design: SensorDesign, folder: Path) -> Pictures:
     )
 
 
-def _mold_address(stl: Path) -> str | None:
-    if not stl.is_file():
-        return None
-    from optopad.cad.mesh import mold_picture
-
-    return _address("image/png", mold_picture(stl))
-
-
-def _lid_address(design: SensorDesign, folder: Path) -> str | None:
-    lid, mold = folder / LID_STL, folder / MOLD_STL
-    if not (lid.is_file() and mold.is_file()):
-        return None
-    from optopad.cad.lid import lid_size, turned_over
-    from optopad.cad.mesh import Mesh, read_stl, section_picture
-
-    size, whole = lid_size(design), read_stl(mold.read_bytes())
-    if size is None:
-        return None
-    lift = np.array([0.0, 0.0, bed_lift_mm(design)], dtype=np.float32)
-    parts = (
-        Mesh(vertices=whole.vertices - lift, triangles=whole.triangles),
-        turned_over(read_stl(lid.read_bytes()), design, size),
-    )
-    return _address("image/png", section_picture(parts, design.cavity.width_mm / 2))
+def _png_address(png: Path) -> str | None:
+    return _address("image/png", png.read_bytes()) if png.is_file() else None
 
 
 def _svg_address(svg: Path) -> str | None:

@@ -21,7 +21,7 @@ from optopad.design.io import load_design
 from optopad.design.preset import preset, preset_text
 from optopad.design.rules.check import check
 from optopad.jobs.smallest_mold import smallest_mold
-from optopad.screen.verdict import LINES
+from optopad.screen.answer import LINES
 from tests.design.search.test_improvement_space import judge
 from tests.optopad.screen.test_one_screen import cause
 from tests.sims.made_up_scores import contiguous_score, dead_score

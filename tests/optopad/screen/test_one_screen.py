@@ -10,14 +10,8 @@ import numpy as np
 from optopad.design.fields.finding import error, warning
 from optopad.design.preset import preset
 from optopad.report.words import bounds_words
-from optopad.screen.verdict import (
-    LINES,
-    WIDTH,
-    as_typed,
-    bound_lines,
-    findings_screen,
-    verdict_screen,
-)
+from optopad.screen.answer import LINES, WIDTH, as_typed
+from optopad.screen.verdict import bound_lines, findings_screen, verdict_screen
 from optopad.screen.verdict_sentences import sentences_of
 from optopad.sims.verdict.causes import Cause, Witness
 from tests.design.for_each import for_each
