@@ -17,7 +17,6 @@ Parts, each importing only earlier ones: work, screen, report, jobs, sensor. Ent
 from optopad.api import __getattr__ as __getattr__
 from optopad.api import (
     check,
-    improve,
     load,
     load_model,
     predict,
@@ -31,6 +30,7 @@ from optopad.api import (
 TYPE_CHECKING = False  # as in typing, which takes a while to load
 if TYPE_CHECKING:
     from optopad.verbs.compare import compare as compare
+    from optopad.verbs.improve import improve as improve
     from optopad.verbs.sweep import sweep as sweep
 
 __version__ = "0.2.0"

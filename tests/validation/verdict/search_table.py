@@ -22,9 +22,9 @@ from optopad.design.search.figures import FIGURES
 from optopad.design.search.improve import Judged, Tried
 from optopad.design.search.space import SearchSpace, load_space
 from optopad.design.spec import SensorDesign
-from optopad.jobs.exploration import search
 from optopad.sims.plots.front import choice_text, front_svg
 from optopad.sims.score.objective import judge
+from optopad.verbs.explore import search
 from optopad.work import source_digest
 from tests.validation.verdict import improve_table
 
