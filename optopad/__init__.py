@@ -19,7 +19,6 @@ from optopad.api import (
     check,
     load,
     load_model,
-    predict,
     presets,
     read_recording,
     run,
@@ -31,6 +30,7 @@ TYPE_CHECKING = False  # as in typing, which takes a while to load
 if TYPE_CHECKING:
     from optopad.verbs.compare import compare as compare
     from optopad.verbs.improve import improve as improve
+    from optopad.verbs.predict import predict as predict
     from optopad.verbs.sweep import sweep as sweep
 
 __version__ = "0.2.0"

@@ -7,7 +7,6 @@ command line does.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from importlib import import_module
 from os import PathLike
 from pathlib import Path
@@ -18,7 +17,6 @@ from optopad.design.progress import OnStep, silent
 if TYPE_CHECKING:
     from optopad.design.spec import SensorDesign
     from optopad.fabrication.driver.recording.recorded import Recorded
-    from optopad.screen.prediction import Prediction
     from optopad.screen.score import Bundle, Checked, Score
     from optopad.sims.learning.inference.touch_model import TouchModel
 
@@ -100,43 +98,6 @@ def score(
     return Score(design=design, found=judge(design, fine=fine, full=full, seed=seed, on_step=on_step))
 
 
-def predict(
-    design: SensorDesign,
-    *,
-    quick: bool = True,
-    learners: Sequence[str] = (),
-    seed: int = 0,
-    out: str | PathLike[str] = OUT,
-    on_step: OnStep | None = None,
-) -> Prediction:
-    """Predict the errors of learned models for touch, location and depth.
-
-    The paper's data collection is simulated, and models are trained and tested on the simulated data.
-
-    Parameters
-    ----------
-    quick : whether to use fewer presses and one learner (less than a minute) instead of the whole collection (minutes)
-    learners : names as for `optopad predict --learner`; empty for the default ones
-
-    Raises
-    ------
-    DesignError, InputError : the design or a name is invalid.
-    """
-    from optopad.jobs.prediction import QUICK, USUAL
-    from optopad.jobs.prediction import predict as foretell
-    from optopad.screen.prediction import Prediction
-
-    found, folder = foretell(
-        design,
-        Path(out),
-        effort=QUICK if quick else USUAL,
-        learners=learners,
-        seed=seed,
-        on_step=on_step or silent,
-    )
-    return Prediction(design=design, found=found, folder=folder)
-
-
 def run(
     design: SensorDesign,
     *,
@@ -194,6 +155,7 @@ _LATER = {
     "TouchReader": "optopad.fabrication.driver.touch_reader",
     "compare": "optopad.verbs.compare",
     "improve": "optopad.verbs.improve",
+    "predict": "optopad.verbs.predict",
     "sweep": "optopad.verbs.sweep",
 }
 """Names of `import optopad` that are imported when first used, and their modules."""

@@ -101,7 +101,6 @@ class Commands(Mapping[str, Any]):
 
 OLD = {
     "physics": "score simulate rays",
-    "learning": "train predict evaluate calibrate",
     "design": "new check schema build studio",
     "job": "run report",
     "parts": "parts",
