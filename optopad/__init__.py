@@ -17,10 +17,8 @@ Parts, each importing only earlier ones: work, screen, report, jobs, sensor. Ent
 from optopad.api import __getattr__ as __getattr__
 from optopad.api import (
     check,
-    improve,
     load,
     load_model,
-    predict,
     presets,
     read_recording,
     run,
@@ -31,6 +29,8 @@ from optopad.api import (
 TYPE_CHECKING = False  # as in typing, which takes a while to load
 if TYPE_CHECKING:
     from optopad.verbs.compare import compare as compare
+    from optopad.verbs.improve import improve as improve
+    from optopad.verbs.predict import predict as predict
     from optopad.verbs.sweep import sweep as sweep
 
 __version__ = "0.2.0"

@@ -7,7 +7,6 @@ command line does.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from importlib import import_module
 from os import PathLike
 from pathlib import Path
@@ -19,8 +18,6 @@ if TYPE_CHECKING:
     from optopad.design.spec import SensorDesign
     from optopad.fabrication.driver.recording.recorded import Recorded
     from optopad.screen.bundle import Bundle
-    from optopad.screen.improvement import Improvement
-    from optopad.screen.prediction import Prediction
     from optopad.screen.score import Checked, Score
     from optopad.sims.learning.inference.touch_model import TouchModel
 
@@ -102,87 +99,6 @@ def score(
     return Score(design=design, found=judge(design, fine=fine, full=full, seed=seed, on_step=on_step))
 
 
-def improve(
-    design: SensorDesign,
-    *,
-    vary: Mapping[str, tuple[float, float] | None] | None = None,
-    keep: Sequence[str] = (),
-    more_parts: bool = False,
-    aim: str | None = None,
-    budget_min: float | None = None,
-    seed: int = 0,
-    out: str | PathLike[str] = OUT,
-    on_step: OnStep | None = None,
-) -> Improvement:
-    """Find up to four verified changes that fix or improve a design, and write the changed designs as files.
-
-    The same call continues an interrupted search.
-
-    Parameters
-    ----------
-    vary : fields to vary in addition to the default ones, each with its range or None for the default range
-    keep : fields to leave unchanged
-    more_parts : whether the search may also add parts to a side
-    aim : what better means: margin, location, contact, size or flush; None for few changes, robustness, depth and
-        accuracy
-    budget_min : approximate time on two idle cores [min]; None for 3 min for a pad, 2 min for facing rows
-
-    Raises
-    ------
-    DesignError, InputError : the design, a field, a range, the aim or the budget is invalid.
-    """
-    from optopad.jobs.improvement import improve as search_around
-
-    return search_around(
-        design,
-        Path(out),
-        vary=vary,
-        keep=keep,
-        more_parts=more_parts,
-        aim=aim,
-        budget_min=budget_min,
-        seed=seed,
-        on_step=on_step,
-    )
-
-
-def predict(
-    design: SensorDesign,
-    *,
-    quick: bool = True,
-    learners: Sequence[str] = (),
-    seed: int = 0,
-    out: str | PathLike[str] = OUT,
-    on_step: OnStep | None = None,
-) -> Prediction:
-    """Predict the errors of learned models for touch, location and depth.
-
-    The paper's data collection is simulated, and models are trained and tested on the simulated data.
-
-    Parameters
-    ----------
-    quick : whether to use fewer presses and one learner (less than a minute) instead of the whole collection (minutes)
-    learners : names as for `optopad predict --learner`; empty for the default ones
-
-    Raises
-    ------
-    DesignError, InputError : the design or a name is invalid.
-    """
-    from optopad.jobs.prediction import QUICK, USUAL
-    from optopad.jobs.prediction import predict as foretell
-    from optopad.screen.prediction import Prediction
-
-    found, folder = foretell(
-        design,
-        Path(out),
-        effort=QUICK if quick else USUAL,
-        learners=learners,
-        seed=seed,
-        on_step=on_step or silent,
-    )
-    return Prediction(design=design, found=found, folder=folder)
-
-
 def run(
     design: SensorDesign,
     *,
@@ -244,6 +160,8 @@ _LATER = {
     "Sensor": "optopad.sensor.driver_view",
     "TouchReader": "optopad.fabrication.driver.touch_reader",
     "compare": "optopad.verbs.compare",
+    "improve": "optopad.verbs.improve",
+    "predict": "optopad.verbs.predict",
     "sweep": "optopad.verbs.sweep",
 }
 """Names of `import optopad` that are imported when first used, and their modules."""

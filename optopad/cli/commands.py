@@ -66,7 +66,7 @@ SETTINGS: dict[str, Any] = {
     "pretty_exceptions_enable": False,
     "rich_markup_mode": None,
 }
-TOP = {
+TOP: dict[str, Any] = {
     "help": "One design file in; a printable mold, a verdict on the layout, and the driver config out.",
     "context_settings": {"help_option_names": ["-h", "--help"]},
 }
@@ -101,8 +101,6 @@ class Commands(Mapping[str, Any]):
 
 OLD = {
     "physics": "score simulate rays",
-    "search": "improve explore",
-    "learning": "train predict evaluate calibrate",
     "design": "new check schema build studio",
     "job": "run report",
     "parts": "parts",
@@ -135,7 +133,7 @@ def _command(above: str, name: str) -> Any:
 def _group(name: str) -> Any:
     help_text, names = BELOW[name]
     app = typer.Typer(name=name, help=help_text, no_args_is_help=True, **SETTINGS)
-    group = typer.main.get_group(app)
+    group: Any = typer.main.get_group(app)
     group.commands = Commands(name, names.split())
     return group
 
@@ -173,6 +171,6 @@ def whole_command() -> Any:
     """The whole command tree."""
     app = typer.Typer(name="optopad", cls=GroupedHelp, no_args_is_help=True, **TOP, **SETTINGS)
     app.callback()(_options)
-    group = typer.main.get_group(app)
+    group: Any = typer.main.get_group(app)
     group.commands = Commands("", [name for names in GROUPS.values() for name in names])
     return group

@@ -191,8 +191,8 @@ def typed(metavar: str | None = None, **how: Any) -> dict[str, Any]:
     Parameters
     ----------
     metavar : what the help shows in place of the value
-    how : `flag`, the option's name; `type`, to which the text is converted; `help`, if the docstring has none; and what
-        typer takes: min, max, callback
+    how : `flag`, the option's name; `type`, to which the text is converted; `default`, if Python's is another;
+        `help`, if the docstring has none; and what typer takes: min, max, callback
     """
     return {"metavar": metavar, **how}
 

@@ -147,7 +147,7 @@ def _word(
     how = how | ({"help": help_text} if help_text else {})
     kind = how.pop("type", None) or TYPES[annotation.removesuffix(" | None")]
     flag = how.pop("flag", f"--{name.removeprefix('as_').strip('_').replace('_', '-')}")
-    default = None if default == () else default
+    default = how.pop("default", None if default == () else default)
     info = typer.Argument(**how) if is_argument else typer.Option(flag, **how)
     kind = kind | None if default is None else kind
     return Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[kind, info])

@@ -9,7 +9,7 @@ from optopad.report.before_after import before_and_after
 from optopad.report.words import Html, bullets, element, facts, section, still_page, table
 from optopad.screen.answer import counted
 from optopad.screen.improvement import Improvement
-from optopad.screen.shown import QUICK_ERRORS, Search
+from optopad.screen.search import QUICK_ERRORS, Search
 from optopad.sims.plots.front import choice_text, front_panels, importance_svg, parallel_svg, words
 
 SHOWN_REASONS = 12

@@ -12,7 +12,7 @@ from optopad.design.spec import SensorDesign
 from optopad.screen.answer import labelled, row
 from optopad.screen.figures import figures_of
 from optopad.screen.score import Score
-from optopad.screen.shown import Result, block, number, table
+from optopad.screen.shown import INTERRUPTED, Result, block, number, table
 from optopad.screen.verdict_sentences import changes_words, sentences_of, verdict_words
 from optopad.sims.score.objective import sizes_of
 from optopad.sims.score.result import ContinuityScore
@@ -121,6 +121,11 @@ class Improvement(Result):
     folder: Path
     is_interrupted: bool
     judged_again: int = 0
+
+    @property
+    def exit_code(self) -> int:
+        """Exit code of the command."""
+        return INTERRUPTED if self.is_interrupted else 0
 
     @property
     def designs(self) -> tuple[SensorDesign, ...]:

@@ -316,9 +316,16 @@ class Prediction:
         files = {name: self.folder / "sims" / "models" / f"{name}.optomodel" for name in self.found.learners}
         return {name: file for name, file in files.items() if file.is_file()}
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_json(self) -> dict[str, Any]:
         """The data that `optopad predict --json` prints."""
         return self.found.to_json()
+
+    to_dict = to_json
+
+    def screen(self) -> list[str]:
+        """The tables, and the files."""
+        files = f"files     {self.folder / 'sims'} (prediction.html, prediction.json, pictures, models)"
+        return [*accuracy_lines(self.found), files]
 
     def plot_errors(self) -> Figure:
         """Plot of the errors of location and depth against depth, with the bound if it was computed."""

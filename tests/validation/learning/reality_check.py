@@ -27,8 +27,6 @@ from optopad.design.press_protocol import load_protocol_file
 from optopad.design.shape.cavity import workspace_of
 from optopad.design.spec import SensorDesign
 from optopad.fabrication.bundle import program_digest
-from optopad.jobs.evaluation import accuracies
-from optopad.jobs.prediction import bound_mm
 from optopad.screen.prediction import ModelAccuracy, accuracy_of, bound_text
 from optopad.sims.learning.inference.signal_map import KIND as SIGNAL_MAP
 from optopad.sims.learning.learners import LEARNERS, Learner
@@ -42,6 +40,8 @@ from optopad.sims.learning.tables import (
     published_touch,
 )
 from optopad.sims.readings.protocol import ProtocolCurves, draw, protocol_curves
+from optopad.verbs.evaluate import accuracies
+from optopad.verbs.predict import bound_mm
 from tests.validation.contact.contact_table import markdown_table, with_table
 
 PAGE = Path(__file__).parents[3] / "docs" / "validation" / "reality.md"

@@ -23,9 +23,9 @@ from optopad.design.search.improve import Judged, Tried
 from optopad.design.search.space import SearchSpace, load_space
 from optopad.design.spec import SensorDesign
 from optopad.fabrication.bundle import program_digest
-from optopad.jobs.exploration import search
 from optopad.sims.plots.front import choice_text, front_svg
 from optopad.sims.score.objective import judge
+from optopad.verbs.explore import search
 from tests.validation.verdict import improve_table
 
 ROOT = Path(__file__).parents[3]

@@ -3,32 +3,35 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from optopad.cli.options import named, parsed_offset, require_folder
+from optopad.cli.verb import typed, verb
 from optopad.design.arrays import FloatArray
 from optopad.design.errors import InputError
 from optopad.design.file_sets import written_together
 from optopad.design.io import save_design, write_text_atomically
 from optopad.design.netcdf_file import read_netcdf
-from optopad.design.progress import OnStep
+from optopad.design.progress import OnStep, silent
 from optopad.design.spec import SensorDesign
 from optopad.fabrication.driver.recording.force_log import ForceLog, read_force_log
 from optopad.fabrication.driver.recording.joined_log import Offset, measured_s
 from optopad.fabrication.driver.recording.recorded import require_rising
-from optopad.jobs.force_clock import force_clock
-from optopad.sims.learning.calibration import Calibration, CalibrationReport, calibrated, report_of
+from optopad.screen.calibration import CalibratedBuild
+from optopad.sims.learning.calibration import Calibration, calibrated, report_of
 from optopad.sims.learning.force_checks import require_motion
-from optopad.sims.learning.force_fit import ForceFit, fit_force
+from optopad.sims.learning.force_fit import fit_force
 from optopad.sims.learning.inference.model_file import save_model
 from optopad.sims.learning.inference.signal_map import SignalMapModel
 from optopad.sims.learning.map_learner import fit_signal_map, map_header, mapped
 from optopad.sims.learning.press_force import TipPath
 from optopad.sims.readings.dataset import read_data, require_design
 from optopad.sims.readings.press_data import PressData, data_notes
+from optopad.verbs.force_clock import force_clock
 from optopad.work import as_netcdf
 
 if TYPE_CHECKING:
@@ -45,51 +48,62 @@ MODEL_FILE = "build.optomodel"
 """File name of the model for the manufactured pad, in the folder of the calibrated design."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class CalibratedBuild:
-    """Result of fitting a design to a recording of its manufactured pad.
-
-    Attributes
-    ----------
-    calibration : fitted values
-    report : quality of the fit
-    model : model that reads touches of the manufactured pad; None if it was not requested
-    force : modulus and relaxation, fitted to a load cell; None without its log
-    notes : notes about the data, as sentences
-    """
-
-    calibration: Calibration
-    report: CalibrationReport
-    model: SignalMapModel | None
-    notes: tuple[str, ...]
-    force: ForceFit | None = None
-
-    @property
-    def lines(self) -> list[str]:
-        """Lines for the screen."""
-        return [*self.report.lines, *(() if self.force is None else self.force.lines), *self.notes]
-
-    def to_json(self, design: SensorDesign) -> dict[str, Any]:
-        """The calibration as plain data for JSON."""
-        found = self.calibration
-        emitters = found.samples.emitters
-        return {
-            "name": design.name,
-            "digest": design.digest,
-            "calibrated_digest": found.design.digest,
-            "presses": found.samples.presses,
-            "readings": int(found.samples.signals.size),
-            "seed": found.seed,
-            **self.report.to_json(),
-            "gains_counts_per_flux": found.fitted.gains.reshape(emitters, -1).tolist(),
-            "gains_relative_spread": found.fitted.gain_spread.reshape(emitters, -1).tolist(),
-            "tip_beside_stage_mm": found.fitted.offset_mm.tolist(),
-            "data_notes": list(self.notes),
-            **({} if self.force is None else {"force": self.force.to_json()}),
-        }
-
-
+@verb(
+    data=typed("DATA"),
+    force=typed("CSV"),
+    out=typed("FOLDER", type=Path, callback=require_folder),
+    set_before="out",
+)
 def calibrate(
+    design: SensorDesign,
+    data: Path,
+    *,
+    no_model: bool = False,
+    quick: bool = False,
+    force: Path | None = None,
+    offset: str | None = None,
+    topic: str | None = None,
+    press_topic: str | None = None,
+    out: Path | None = None,
+    seed: int = 0,
+    on_step: OnStep = silent,
+) -> CalibratedBuild:
+    """Fit heights, LED size, reflectances, index and gains to presses of a built pad; writes its design and a model.
+
+    Parameters
+    ----------
+    data : Recording of 10 to 50 presses of the built pad (.nc, .optorec, .mcap, bag).
+    no_model : Only fit; do not trace the map for the pad's model.
+    quick : A coarser map, in a third of the time.
+    force : A load cell's log of these presses (time, force_n): also fit the modulus.
+    out : Folder of the calibrated design; default: next to the data.
+
+    Raises
+    ------
+    InputError : the data are of another design or have too few presses or untouched frames, nothing can be fitted, or
+        the log of the force does not fit the recording.
+    """
+    file = named(data)
+    folder = require_folder(out or file.with_name(f"{file.stem}-calibration"))
+    shift = parsed_offset(offset)
+    if offset is not None and force is None:
+        raise InputError("--offset: shifts a load cell's log; give --force, too")
+    made = fitted(
+        design,
+        file,
+        with_model=not no_model,
+        quick=quick,
+        seed=seed,
+        on_step=on_step,
+        force=force,
+        offset=shift,
+        topics=(topic, press_topic),
+    )
+    files = write_calibration(made, folder)
+    return replace(made, notes=(*made.notes, *_earlier_model_note(made, folder)), files=files)
+
+
+def fitted(
     design: SensorDesign,
     file: Path,
     *,
@@ -99,25 +113,10 @@ def calibrate(
     on_step: OnStep,
     force: Path | None = None,
     offset: Offset = None,
-    topic: str | None = None,
-    press_topic: str | None = None,
+    topics: tuple[str | None, str | None] = (None, None),
 ) -> CalibratedBuild:
-    """Fit a design to a recording of its manufactured pad, and make the model that reads this pad.
-
-    Parameters
-    ----------
-    with_model : whether to make the model, which takes longer than the fit
-    quick : whether to use a coarser map of presses for the model
-    force : log of a load cell under the same presses, to which modulus and relaxation are fitted; None fits none
-    offset : clock of the recording's computer minus the log's [s]; "auto" finds it; None: the clocks are the same
-    topic, press_topic : topics of frames and presses in a bag of several sensors
-
-    Raises
-    ------
-    InputError : the data are of another design or have too few presses or untouched frames, nothing can be fitted, or
-        the log of the force does not fit the recording.
-    """
-    with as_netcdf(file, topic, press_topic) as netcdf:
+    """The fit of `calibrate`, and its model `with_model`; nothing is written."""
+    with as_netcdf(file, *topics) as netcdf:
         data = read_data(netcdf, design)
         log = None if force is None else read_force_log(force)
         pressed = None if log is None else _pressed_force(netcdf, log, offset)
@@ -131,7 +130,9 @@ def calibrate(
     if model is not None and fit is not None and model.header.force_curve is not None:
         curve = replace(model.header.force_curve, relative_sigma=fit.relative_sigma)
         model = replace(model, header=replace(model.header, force_curve=curve))
-    return CalibratedBuild(calibration=found, report=report, model=model, notes=tuple(notes), force=fit)
+    return CalibratedBuild(
+        design=design, calibration=found, report=report, model=model, notes=tuple(notes), force=fit
+    )
 
 
 def _pressed_force(netcdf: Path, log: ForceLog, offset: Offset) -> tuple[FloatArray, TipPath, FloatArray]:
@@ -206,12 +207,12 @@ def build_model(
     return fit_signal_map(found.design, lightmap, header, data, seed=seed, on_step=on_step)
 
 
-def write_calibration(made: CalibratedBuild, design: SensorDesign, folder: Path) -> tuple[Path, ...]:
+def write_calibration(made: CalibratedBuild, folder: Path) -> tuple[Path, ...]:
     """Write ``design.toml``, ``calibration.json`` and, if there is a model, ``build.optomodel``; return their paths."""
     names = ["design.toml", "calibration.json"]
     with written_together(folder) as hidden:
         save_design(made.calibration.design, hidden / names[0])
-        facts = json.dumps(made.to_json(design), indent=2, allow_nan=False) + "\n"
+        facts = json.dumps(made.to_json(), indent=2, allow_nan=False) + "\n"
         write_text_atomically(hidden / names[1], facts)
         if made.model is not None:
             names.append(MODEL_FILE)
@@ -219,7 +220,7 @@ def write_calibration(made: CalibratedBuild, design: SensorDesign, folder: Path)
     return tuple(folder / name for name in names)
 
 
-def earlier_model_note(made: CalibratedBuild, folder: Path) -> tuple[str, ...]:
+def _earlier_model_note(made: CalibratedBuild, folder: Path) -> tuple[str, ...]:
     """A note that the model in the folder is from an earlier calibration; empty if this calibration made a model."""
     if made.model is not None or not (folder / MODEL_FILE).exists():
         return ()

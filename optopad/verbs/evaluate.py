@@ -1,56 +1,90 @@
-"""Evaluation of models on a data set with known presses."""
+"""Evaluates models on a data set with known presses; writes tables, pictures and a page."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 
+from optopad.cli.options import named, require_folder
+from optopad.cli.verb import typed, verb
 from optopad.design.arrays import FloatArray
 from optopad.design.errors import InputError
-from optopad.design.progress import OnStep
+from optopad.design.file_sets import written_together
+from optopad.design.io import write_text_atomically
+from optopad.design.progress import OnStep, silent
 from optopad.design.shape.cavity import workspace_of
 from optopad.design.shape.outline import Outline, rectangle
 from optopad.design.spec import SensorDesign
-from optopad.screen.prediction import ModelAccuracy, PredictedAccuracy, accuracy_of
+from optopad.plot_files import write_plot
+from optopad.report.accuracy import accuracy_page
+from optopad.report.sections.drawings import Drawing
+from optopad.screen.output import Told
+from optopad.screen.prediction import ModelAccuracy, PredictedAccuracy, accuracy_lines, accuracy_of
 from optopad.sims.learning.inference.header import require_design as require_model_of
 from optopad.sims.learning.inference.model_file import load_model
 from optopad.sims.learning.inference.touch_model import TouchModel
-from optopad.sims.learning.tables import judged, needed_samples, published_touch
-from optopad.sims.plots.accuracy import shown_places_mm
+from optopad.sims.learning.tables import ERROR_DEPTHS_MM, judged, needed_samples, published_touch
+from optopad.sims.plots.accuracy import plot_arrows, plot_depths, plot_errors, plot_touch, shown_places_mm
+from optopad.sims.plots.style import plain_style
 from optopad.sims.readings.dataset import read_data, require_design
 from optopad.sims.readings.press_data import PressData, data_notes
-from optopad.work import as_netcdf
+from optopad.work import as_netcdf, read_design
 
 FEWEST_SAMPLES = 10
 
 
+@verb(
+    data=typed("DATA"),
+    model=typed("FILE"),
+    design=typed("DESIGN"),
+    out=typed("FOLDER", type=Path, callback=require_folder),
+)
 def evaluate(
-    file: Path,
-    models: Sequence[Path],
-    design: SensorDesign | None,
+    data: Path,
     *,
+    model: Sequence[Path],
+    design: str | None = None,
     topic: str | None = None,
     press_topic: str | None = None,
-    on_step: OnStep,
-) -> tuple[PredictedAccuracy, Outline]:
-    """Evaluate trained models on a data set with known presses.
+    set_: Sequence[str] = (),
+    out: Path | None = None,
+    on_step: OnStep = silent,
+) -> Told:
+    """Report the errors of models on known presses: tables of touch, location and depth, plots, a page.
 
     Parameters
     ----------
-    models : model files; each must be of the same design as the data
-    design : design of the data, for workspace and published results; if None, the range of the presses is the workspace
-    topic, press_topic : topics of frames and presses in a bag of several sensors
-
-    Returns
-    -------
-    tables of errors, and the workspace for the pictures
+    data : Data set or recording with known presses (.nc, .optorec, .mcap, bag).
+    model : Trained model (.optomodel). Repeatable.
+    design : Design of the data: its workspace and published results.
+    out : Folder of the tables; default: next to the data.
 
     Raises
     ------
     InputError : data or models cannot be read or are of different designs, or there are too few samples.
     """
+    read = None if design is None else read_design(design, set_)
+    file = named(data)
+    folder = require_folder(out or file.with_name(f"{file.stem}-evaluation"))
+    found, workspace = _evaluated(file, model, read, topic, press_topic, on_step)
+    page, document, *_ = write_accuracy(found, workspace, folder, "evaluation")
+    files = f"files     {folder} ({page.name}, {document.name}, pictures)"
+    return Told(found.to_json(), [*accuracy_lines(found), files])
+
+
+def _evaluated(
+    file: Path,
+    models: Sequence[Path],
+    design: SensorDesign | None,
+    topic: str | None,
+    press_topic: str | None,
+    on_step: OnStep,
+) -> tuple[PredictedAccuracy, Outline]:
+    """Tables of the models' errors, and the workspace for the pictures."""
     with as_netcdf(file, topic, press_topic) as netcdf:
         data = read_data(netcdf, design)
     notes = [*(require_design(data, design, what=str(file)) if design is not None else ())]
@@ -60,10 +94,10 @@ def evaluate(
     tested, told = _test_samples(data)
     workspace = workspace_of(design) if design is not None else _range_of(tested)
     notes += data_notes(data)
-    named = _named(loaded)
+    by_name = _named(loaded)
     found = tuple(
         accuracy
-        for name, model in named.items()
+        for name, model in by_name.items()
         for accuracy in accuracies(model, tested, workspace, on_step=on_step, learner=name)
     )
     return (
@@ -75,11 +109,53 @@ def evaluate(
             notes=(*notes, told),
             settings={
                 "data": str(file),
-                "models": {name: str(path) for name, path in zip(_named(loaded), models, strict=True)},
+                "models": {name: str(path) for name, path in zip(by_name, models, strict=True)},
             },
         ),
         workspace,
     )
+
+
+def write_accuracy(found: PredictedAccuracy, workspace: Outline, folder: Path, stem: str) -> tuple[Path, ...]:
+    """Write ``<stem>.json``, ``<stem>.html`` and the pictures ``<stem>-*`` into a folder; returns the files.
+
+    Parameters
+    ----------
+    workspace : workspace of the presses
+    """
+    names, drawings = [f"{stem}.html", f"{stem}.json"], {}
+    with written_together(folder) as made, plain_style():
+        for name, (figure, shows) in _figures(found, workspace).items():
+            svg, png = write_plot(figure, made / f"{stem}-{name}")
+            names += [svg.name, png.name]
+            drawings[name] = Drawing(stem=svg.stem, shows=shows, svg=svg.read_text(encoding="utf-8"))
+        write_text_atomically(made / names[0], accuracy_page(found, drawings))
+        write_text_atomically(made / names[1], json.dumps(found.to_json(), indent=2, allow_nan=False) + "\n")
+    return tuple(folder / name for name in names)
+
+
+def _figures(found: PredictedAccuracy, workspace: Outline) -> dict[str, tuple[Figure, str]]:
+    pooled = found.pooled()
+    first = pooled[found.learners[0]]
+    sets = {one.test_set: one.touch for one in found.found if one.learner == first.learner}
+    figures = {
+        "touch": (plot_touch(sets, found.published), "Share of correct touches against depth"),
+        "errors": (
+            plot_errors({name: one.errors for name, one in pooled.items()}, found.bound_mm),
+            "Median error of location and of depth against depth, by model",
+        ),
+    }
+    for learner, one in pooled.items():
+        shown = one.presses.only(one.presses.session_number == 0)
+        figures[f"arrows-{learner}"] = (
+            plot_arrows(shown, ERROR_DEPTHS_MM, workspace),
+            f"Arrows from the true to the estimated location, {learner}, first test set",
+        )
+        figures[f"depths-{learner}"] = (
+            plot_depths(shown, shown_places_mm(workspace)),
+            f"Estimated against true depth at single locations, {learner}, first test set",
+        )
+    return figures
 
 
 def accuracies(

@@ -13,30 +13,73 @@ outputs/<name>-<digest8>/
 
 from __future__ import annotations
 
-import csv
 import fcntl
 import functools
-import io
 import json
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from optopad.design.errors import InputError
+from optopad.cli.options import LARGEST_SEED
+from optopad.cli.verb import typed, verb
+from optopad.design.errors import InputError, OptopadError
 from optopad.design.files import own_folder, unwritable
 from optopad.design.io import dump_design, write_text_atomically
-from optopad.design.search.explore import Findings, OnTried, Refine, explore
-from optopad.design.search.figures import FIGURES
+from optopad.design.search.explore import Findings, OnTried, Refine
+from optopad.design.search.explore import explore as explored
 from optopad.design.search.importance import importances
-from optopad.design.search.improve import FanOut, Tried, one_by_one
-from optopad.design.search.space import SearchSpace, Value
-from optopad.screen.figures import figures_of
-from optopad.screen.shown import Search
+from optopad.design.search.improve import FanOut, Judged, Limit, Objective, one_by_one
+from optopad.design.search.space import SearchSpace, Value, load_space, space_from
+from optopad.design.spec import SensorDesign
+from optopad.screen.search import Search
+from optopad.work import OUT, parsed_change
 
 PLACES = "places.json"
 WAY_OUT = "choose another folder with --out"
+CONNECT_TIMEOUT_S = 10
+
+
+@verb(
+    space=typed("SPACE"),
+    trials=typed(min=1),
+    storage=typed("URL"),
+    scheduler=typed("ADDRESS"),
+    seed=typed(min=0, max=LARGEST_SEED),
+)
+def explore(
+    space: str,
+    *,
+    trials: int | None = None,
+    storage: str | None = None,
+    scheduler: str | None = None,
+    set_: Sequence[str] = (),
+    out: str | PathLike[str] = OUT,
+    seed: int | None = None,
+    on_tried: OnTried | None = None,
+) -> Search:
+    """Search a space of designs for the best ones; the same command continues a search.
+
+    Parameters
+    ----------
+    space : Search-space file (.toml), or the name of a packaged one.
+    trials : Designs to judge, those of earlier runs included.
+    storage : Database that many workers share, as postgresql://user@host/name.
+    scheduler : Dask scheduler whose workers judge, as tcp://host:8786.
+    seed : Seed of the search; default: the space's.
+    """
+    read = load_space(space)
+    document = read.model_dump(mode="json")
+    if set_:
+        base = read.base.with_(**dict(parsed_change(change) for change in set_))
+        document |= {"base": base.model_dump(mode="json")}
+    if seed is not None:
+        document["search"] |= {"seed": seed}
+    if set_ or seed is not None:
+        read = space_from(document, where=space)
+    return search(read, Path(out), trials=trials, storage=storage, scheduler=scheduler, on_tried=on_tried)
 
 
 def search_folder(space: SearchSpace, out: Path) -> Path:
@@ -86,7 +129,7 @@ def search(
         judge, wanted=figures_wanted(space), accuracy=space.accuracy, also_mm=further
     )
     with _alone(folder) if storage is None else nullcontext(), _fanning_out(scheduler) as fan_out:
-        found = explore(
+        found = explored(
             space,
             objective,
             url,
@@ -139,104 +182,15 @@ def write_search(folder: Path, found: Findings, importance: dict[str, dict[str, 
     result = Search(folder=folder, findings=found, files=files, importance=importance)
     texts = {
         "space.json": json.dumps(found.space.model_dump(mode="json"), indent=2) + "\n",
-        "designs.csv": table_csv(result, found.tried),
-        "front.csv": table_csv(result, found.front),
-        "front.json": json.dumps(summary(result), indent=2) + "\n",
+        "designs.csv": result.to_csv(found.tried),
+        "front.csv": result.to_csv(found.front),
+        "front.json": json.dumps(result.to_json(), indent=2) + "\n",
         "front.svg": front_svg(found.space, found.base, found.tried, found.front),
         "report.html": search_page(result),
     }
     for name, text in texts.items():
         write_text_atomically(folder / name, text)
     return result
-
-
-def summary(search: Search) -> dict[str, Any]:
-    """Result of a search as plain data for JSON."""
-    found = search.findings
-    return {
-        "name": found.space.name,
-        "digest": found.space.digest,
-        "folder": str(search.folder),
-        "report": str(search.folder / "report.html"),
-        "sampler": found.space.search.sampler,
-        "seed": found.space.search.seed,
-        "accuracy": found.space.accuracy,
-        "designs": len(found.tried),
-        "wanted": found.wanted,
-        "stopped_early": sum(bool(one.judged.reason) for one in found.tried),
-        "feasible": sum(one.is_feasible for one in found.tried),
-        "interrupted": found.is_interrupted,
-        "limits": [str(limit) for limit in found.limits],
-        "base": {
-            "digest": found.space.base.digest,
-            "figures": found.base.figures,
-            "verdict": found.base.verdict,
-            "headline": search.base_headline,
-        },
-        "front": [
-            {
-                "number": one.number,
-                "digest": one.digest,
-                "file": file,
-                "parameters": {name: plain(value) for name, value in one.parameters.items()},
-                "figures": one.judged.figures,
-                "verdict": one.judged.verdict,
-                "headline": search.headline(one),
-                "is_open": search.is_open(one.judged),
-                **figures_of(found.space.design_at(one.parameters), None).size_json(),
-            }
-            for one, file in zip(found.front, search.files, strict=True)
-        ],
-        "importance": search.importance,
-    }
-
-
-def plain(value: Any) -> Any:
-    """Value of a varied parameter as plain data; for a choice among alternatives, its label."""
-    if not isinstance(value, str):
-        return value
-    return json.loads(value)
-
-
-def table_csv(search: Search, rows: Sequence[Tried]) -> str:
-    """Designs as a CSV table: number, digest, fields, figures, verdict, and the reason of an early stop."""
-    found = search.findings
-    figures = [name for name in FIGURES if any(name in one.judged.figures for one in found.tried)]
-    paths = [field.path for field in found.space.fields]
-    front = {one.number for one in found.front}
-    stream = io.StringIO()
-    table = csv.writer(stream, lineterminator="\n")
-    table.writerow(
-        [
-            "number",
-            "digest",
-            *paths,
-            *figures,
-            "verdict",
-            "feasible",
-            "on_front",
-            "seconds",
-            "stopped_because",
-            "headline",
-        ]
-    )
-    for one in rows:
-        values = [one.judged.figures.get(name) for name in figures]
-        table.writerow(
-            [
-                one.number,
-                one.digest,
-                *(one.parameters[path] for path in paths),
-                *("" if value is None else f"{value:.6g}" for value in values),
-                one.judged.verdict,
-                one.is_feasible,
-                one.number in front,
-                one.seconds,
-                one.judged.reason,
-                search.headline(one),
-            ]
-        )
-    return stream.getvalue()
 
 
 def _write_designs(folder: Path, found: Findings) -> tuple[str, ...]:
@@ -274,7 +228,68 @@ def _fanning_out(scheduler: str | None) -> Iterator[FanOut]:
     if scheduler is None:
         yield one_by_one
         return
-    from optopad.fan_out import on_cluster
-
     with on_cluster(scheduler) as fan_out:
         yield fan_out
+
+
+@contextmanager
+def on_cluster(address: str) -> Iterator[FanOut]:
+    """Yield a function that scores designs on the workers of a Dask scheduler, whose address may be tcp://127.0.0.1:8786.
+
+    Designs are sent in batches, and results return in any order. If a worker dies, the scheduler gives its designs to
+    another worker. The light model uses all processors of a worker, so each worker should have one thread
+    (`dask worker --nthreads 1`).
+
+    Raises
+    ------
+    InputError : the package `distributed` is missing, no scheduler replies, the scheduler has no workers, or the
+        connection is lost.
+    """
+    try:
+        from distributed import Client
+    except ImportError:
+        raise InputError(
+            "--scheduler: needs the package distributed; install it (pip install distributed), or leave it out"
+        ) from None
+    try:
+        client: Any = Client(address, timeout=CONNECT_TIMEOUT_S, set_as_default=False)  # type: ignore[no-untyped-call]
+    except (OSError, ValueError, TimeoutError) as err:
+        reason = str(err).splitlines()[0] if str(err) else type(err).__name__
+        raise InputError(
+            f"--scheduler: no scheduler replies at {address!r}: {reason}; start one with `dask scheduler`"
+        ) from None
+    with client:
+        if not client.scheduler_info()["workers"]:
+            raise InputError(
+                f"--scheduler: {address} has no workers; start some with `dask worker {address} --nthreads 1`"
+            )
+        yield _fan_out(client, address)
+
+
+def _fan_out(client: Any, address: str) -> FanOut:
+    from distributed import CancelledError, KilledWorker, as_completed
+
+    def fan_out(
+        objective: Objective, designs: Sequence[SensorDesign], limits: tuple[Limit, ...]
+    ) -> Iterable[tuple[int, Judged]]:
+        sent = {
+            client.submit(objective, design, limits, pure=False): number
+            for number, design in enumerate(designs)
+        }
+        try:
+            for future in as_completed(list(sent), loop=client.loop):  # type: ignore[no-untyped-call]
+                yield sent[future], future.result()
+        except OptopadError:
+            raise
+        except KilledWorker as err:
+            raise InputError(
+                f"--scheduler: workers of {address} crash on one design ({err.last_worker}); see their "
+                "logs: memory is the usual cause (finished designs are kept)"
+            ) from None
+        except (CancelledError, OSError, TimeoutError) as err:
+            raise InputError(
+                f"--scheduler: {address} was lost: {err or type(err).__name__}; finished designs are "
+                "kept: start it again and repeat the command"
+            ) from None
+
+    return fan_out

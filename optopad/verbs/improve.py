@@ -3,7 +3,7 @@
 Quick light is a coarse, fast setting of the light model. A score uses the setting of `optopad score`.
 
 outputs/improve-<name>-<digest8>/
-  study.db, designs.csv, front.*, designs/, report.html   files of the search (`optopad.jobs.exploration`)
+  study.db, designs.csv, front.*, designs/, report.html   files of the search (`optopad.verbs.explore`)
   1-fewest-changes.toml ...    the alternatives: the original design file with the changed lines marked
   improve.json                 the design before and the alternatives, with their scores
 
@@ -26,13 +26,16 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from os import PathLike
 from pathlib import Path
 from statistics import median
 from typing import Any
 
+from optopad.cli.verb import Asked, typed, verb
 from optopad.design.errors import InputError, ModelScopeError
 from optopad.design.fields.base import get_at, known_paths, set_at
-from optopad.design.io import dump_design, load_design, write_text_atomically
+from optopad.design.io import dump_design, load_design, read_design_text, write_text_atomically
+from optopad.design.preset import preset_text
 from optopad.design.progress import OnStep, silent
 from optopad.design.rules.check import require_valid
 from optopad.design.search.explore import Findings, OnTried
@@ -70,12 +73,10 @@ from optopad.design.search.space import SearchSpace, Value
 from optopad.design.shape.cavity import cavity_of, is_facing_rows, mask_of, plan_of
 from optopad.design.spec import SensorDesign
 from optopad.design.spec.cheap_fields import CLEAR, HEIGHTS, TARGET
-from optopad.jobs.exploration import search
-from optopad.jobs.smallest_mold import least_rim, smallest_mold
 from optopad.report.search import search_page
 from optopad.screen.improvement import AT_RISK, Alternative, Improvement, Nearest
 from optopad.screen.score import Score
-from optopad.screen.shown import Search
+from optopad.screen.search import Search
 from optopad.sims.readings.readout import most_target_counts
 from optopad.sims.score.build_tolerance import with_tolerance
 from optopad.sims.score.cost import score_cost
@@ -90,7 +91,10 @@ from optopad.sims.score.objective import (
 )
 from optopad.sims.score.result import ContinuityScore
 from optopad.sims.score.scoring import verdict_of
+from optopad.sims.score.smallest_mold import least_rim, smallest_mold
 from optopad.sims.verdict.depth_curve import DEADBAND_THRESHOLD
+from optopad.verbs.explore import search
+from optopad.work import OUT
 
 Light = tuple[tuple[str, Value], ...]
 BOUND_AIMS, SIZE_AIMS = ("location", "contact"), ("size", "flush")
@@ -131,42 +135,51 @@ MOST_BOUNDS = 4
 """Largest number of a search's pads for which bounds of location and depth are computed, and of scores of a kind."""
 
 
+@verb(
+    vary=typed("FIELD[=A:B]", type=list[str]),
+    keep=typed("FIELD"),
+    aim=typed("AIM"),
+    budget_min=typed("MINUTES", flag="--budget"),
+)
 def improve(
     design: SensorDesign,
-    out: Path,
     *,
-    text: str | None = None,
-    vary: Mapping[str, Range | None] | None = None,
+    vary: Mapping[str, Range | None] | Sequence[str] | None = None,
     keep: Sequence[str] = (),
     more_parts: bool = False,
     aim: str | None = None,
     budget_min: float | None = None,
+    out: str | PathLike[str] = OUT,
     seed: int = 0,
     on_step: OnStep | None = None,
     on_tried: OnTried | None = None,
+    asked: Asked | None = None,
 ) -> Improvement:
-    """Search for similar, better designs, and score the best candidates.
+    """Propose up to four changed designs with a better verdict, as files; the same command continues a search.
+
+    `vary` may be a mapping from fields to their ranges, or to None for the default range. The files keep the comments
+    of the design file that the command line names.
 
     Parameters
     ----------
-    text : text of the design file, whose comments the alternatives keep; if None, their files have no comments
-    vary : additional fields to vary, each with its range or None for the default range
-    keep : fields to leave unchanged
-    more_parts : whether the search may add parts to a side
-    aim : what better means, a name in `AIMS`; None for few changes, robustness, depth and accuracy
-    budget_min : approximate time on two idle cores [min]; None for the default
+    vary : Vary this field, too, from A to B. Repeatable.
+    keep : Keep the value of this field. Repeatable.
+    more_parts : Also try more parts per side.
+    aim : What better means: margin, location, contact, size, flush.
+    budget_min : Approximate search time; default: 3 for a pad, 2 for facing rows.
 
     Raises
     ------
-    InputError, DesignError : fields, ranges, aim or the budget are invalid.
+    DesignError, InputError : the design, a field, a range, the aim or the budget is invalid.
     """
+    ranges = dict(vary) if isinstance(vary, Mapping) else dict(_range(one) for one in vary or ())
     require_valid(design)
     facing = is_facing_rows(cavity_of(design))
     _require_aim(aim, facing=facing)
     trials, costs = trials_of(design, budget_min), Costs.of(design, budget_min, aim)
     space = improvement_space(
         design,
-        vary=vary or {},
+        vary=ranges,
         keep=keep,
         more_parts=more_parts,
         most_counts=_most_counts(design, seed),
@@ -184,7 +197,7 @@ def improve(
     first = [one for one in _first(space, before, trials) if is_allowed(space, one)]
     found = search(
         space,
-        out,
+        Path(out),
         trials=max(trials, len(first) + 1),
         on_tried=on_tried,
         first=first,
@@ -211,8 +224,34 @@ def improve(
         nearest=None if alternatives else again.nearest(),
         judged_again=len(again.scores) - 1,
     )
+    text = None if asked is None else _text(asked.design, design, is_changed=bool(asked.changes))
     _write(made, found, text)
     return made
+
+
+def _text(where: str, design: SensorDesign, *, is_changed: bool) -> str | None:
+    """Text of a design file; None if fields were changed (`is_changed`) or the design has parts of its own."""
+    path = Path(where)
+    if is_changed or any(design.catalog.model_dump().values()):
+        return None
+    if not path.exists():
+        return preset_text(where)
+    text = read_design_text(path / "design.toml" if path.is_dir() else path)
+    first, _, rest = text.partition("\n")
+    return rest if first.startswith("# optopad design ") else text  # it names a digest, which will change
+
+
+def _range(text: str) -> tuple[str, tuple[float, float] | None]:
+    path, equals, ends = text.partition("=")
+    if not equals:
+        return path.strip(), None
+    try:
+        low, high = (float(end) for end in ends.split(":"))
+    except ValueError:
+        raise InputError(
+            f"--vary: {text!r} is refused: write FIELD=A:B, as receivers.height_mm=5:7"
+        ) from None
+    return path.strip(), (low, high)
 
 
 def _require_aim(aim: str | None, *, facing: bool) -> None:

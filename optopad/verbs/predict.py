@@ -8,30 +8,23 @@ The results are files: JSON, a page, and its pictures as SVG and PNG.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
+from optopad.cli.verb import Asked, typed, verb
 from optopad.design.errors import InputError
-from optopad.design.file_sets import written_together
-from optopad.design.io import write_text_atomically
 from optopad.design.press_protocol import QUICK_PROTOCOL, PressProtocol, load_protocol_file
-from optopad.design.progress import OnStep
+from optopad.design.progress import OnStep, silent
 from optopad.design.rules.check import require_valid
 from optopad.design.shape.cavity import workspace_of
-from optopad.design.shape.outline import Outline
 from optopad.design.spec import SensorDesign
 from optopad.fabrication.bundle import bundle, bundle_name
-from optopad.jobs.evaluation import accuracies
-from optopad.plot_files import write_plot
-from optopad.report.accuracy import accuracy_page
-from optopad.report.sections.drawings import Drawing
-from optopad.screen.prediction import ModelAccuracy, PredictedAccuracy, accuracy_of
+from optopad.screen.prediction import ModelAccuracy, PredictedAccuracy, Prediction, accuracy_of
 from optopad.sims.learning.chain_bounds import bounds_by_depth
 from optopad.sims.learning.inference.model_file import save_model
 from optopad.sims.learning.inference.signal_map import KIND as SIGNAL_MAP
@@ -40,54 +33,11 @@ from optopad.sims.learning.learners import LEARNERS, Learner
 from optopad.sims.learning.map_learner import chain_noise, signal_map_learner
 from optopad.sims.learning.settings import EFFORTS
 from optopad.sims.learning.tables import ERROR_DEPTHS_MM, published_touch
-from optopad.sims.plots.accuracy import plot_arrows, plot_depths, plot_errors, plot_touch, shown_places_mm
-from optopad.sims.plots.style import plain_style
 from optopad.sims.readings.press_data import clipped_note
 from optopad.sims.readings.protocol import ProtocolCurves, draw, protocol_curves
 from optopad.sims.readings.signal_chain import chain_of
-
-
-def write_accuracy(found: PredictedAccuracy, workspace: Outline, folder: Path, stem: str) -> tuple[Path, ...]:
-    """Write ``<stem>.json``, ``<stem>.html`` and the pictures ``<stem>-*`` into a folder; returns the files.
-
-    Parameters
-    ----------
-    workspace : workspace of the presses
-    """
-    names, drawings = [f"{stem}.html", f"{stem}.json"], {}
-    with written_together(folder) as made, plain_style():
-        for name, (figure, shows) in _figures(found, workspace).items():
-            svg, png = write_plot(figure, made / f"{stem}-{name}")
-            names += [svg.name, png.name]
-            drawings[name] = Drawing(stem=svg.stem, shows=shows, svg=svg.read_text(encoding="utf-8"))
-        write_text_atomically(made / names[0], accuracy_page(found, drawings))
-        write_text_atomically(made / names[1], json.dumps(found.to_json(), indent=2, allow_nan=False) + "\n")
-    return tuple(folder / name for name in names)
-
-
-def _figures(found: PredictedAccuracy, workspace: Outline) -> dict[str, tuple[Figure, str]]:
-    pooled = found.pooled()
-    first = pooled[found.learners[0]]
-    sets = {one.test_set: one.touch for one in found.found if one.learner == first.learner}
-    figures = {
-        "touch": (plot_touch(sets, found.published), "Share of correct touches against depth"),
-        "errors": (
-            plot_errors({name: one.errors for name, one in pooled.items()}, found.bound_mm),
-            "Median error of location and of depth against depth, by model",
-        ),
-    }
-    for learner, one in pooled.items():
-        shown = one.presses.only(one.presses.session_number == 0)
-        figures[f"arrows-{learner}"] = (
-            plot_arrows(shown, ERROR_DEPTHS_MM, workspace),
-            f"Arrows from the true to the estimated location, {learner}, first test set",
-        )
-        figures[f"depths-{learner}"] = (
-            plot_depths(shown, shown_places_mm(workspace)),
-            f"Estimated against true depth at single locations, {learner}, first test set",
-        )
-    return figures
-
+from optopad.verbs.evaluate import accuracies, write_accuracy
+from optopad.work import OUT
 
 MOST_DRAWS = 50
 
@@ -117,31 +67,47 @@ USUAL = Effort(
 FULL = replace(USUAL, fit="full")
 
 
+@verb(
+    learners=typed("NAME", flag="--learner"),
+    quick=typed(default=False),
+    protocol=typed("NAME"),
+    draws=typed("N"),
+    set_before="out",
+)
 def predict(
     design: SensorDesign,
-    out: Path,
     *,
-    effort: Effort,
     learners: Sequence[str] = (),
+    quick: bool = True,
+    full: bool = False,
     protocol: str | None = None,
     draws: int = 1,
+    out: str | PathLike[str] = OUT,
     seed: int = 0,
-    on_step: OnStep,
-) -> tuple[PredictedAccuracy, Path]:
-    """Simulate a press protocol, train and test models; write tables, page, pictures and models into the bundle.
+    on_step: OnStep | None = None,
+    asked: Asked | None = None,
+) -> Prediction:
+    """Predict the errors of touch, location and depth: simulate a data collection, train models, evaluate them.
+
+    Tables, page, pictures and models are written into the bundle. A first look (`quick`, the default in Python) takes
+    less than a minute, the whole collection minutes.
 
     Parameters
     ----------
-    learners : names of the learners; if empty, the default of the effort
-    protocol : name of a packaged protocol, or a file; if None, the default of the effort
-    draws : number of random draws of noise, drift and offsets, each with its own training; the tables pool them
-    seed : seed of the light model and of the first random draw
+    learners : kernel-ridge (the paper's), extra-trees, signal-map, or all.
+    quick : A thinned protocol, for a first look.
+    full : 24,000 samples in the kernel.
+    protocol : Packaged protocol or a file (.toml).
+    draws : Draws of noise, drift and offsets.
 
     Raises
     ------
     DesignError, InputError, ModelScopeError : the design or a name is invalid, or presses are outside the models'
         scope.
     """
+    if asked is not None and quick and full:
+        raise InputError("predict: --quick and --full contradict each other; give one of them")
+    effort, step = FULL if full else QUICK if quick else USUAL, on_step or silent
     require_valid(design)
     chosen = _known(learners or effort.learners)
     if not 1 <= draws <= MOST_DRAWS:
@@ -149,13 +115,13 @@ def predict(
     wanted = load_protocol_file(protocol or effort.protocol)
     how = wanted.fitted_to(design)
     _require_roles(how)
-    curves = protocol_curves(design, how, seed=seed, is_coarse=effort.is_coarse, on_step=on_step)
+    curves = protocol_curves(design, how, seed=seed, is_coarse=effort.is_coarse, on_step=step)
     with_map = LEARNERS | {SIGNAL_MAP: signal_map_learner(design, quick=effort.is_coarse, seed=seed)}
     fits = {name: with_map[name] for name in chosen}
     judged: dict[tuple[str, str], list[ModelAccuracy]] = {}
     models: dict[str, TouchModel] = {}
     for number in range(draws):
-        of_draw = _draw_judged(curves, fits, effort, seed + number, on_step)
+        of_draw = _draw_judged(curves, fits, effort, seed + number, step)
         models = models or {name: model for name, (model, _) in of_draw.items()}
         for name, (_, tables) in of_draw.items():
             for one in tables:
@@ -167,14 +133,14 @@ def predict(
         published=published_touch(design),
         notes=(*_cut(wanted, how, design), *_notes(how, effort, draws, curves, seed)),
         settings=_settings(how, effort, draws, seed, models),
-        bound_mm={} if effort.is_coarse else bound_mm(design, curves, seed, on_step),
+        bound_mm={} if effort.is_coarse else bound_mm(design, curves, seed, step),
     )
-    with bundle(design, out, seed=seed) as folder:
+    with bundle(design, Path(out), seed=seed) as folder:
         write_accuracy(found, workspace_of(design), folder / "sims", "prediction")
         for name, model in models.items():
             (folder / "sims" / "models").mkdir(exist_ok=True)
             save_model(folder / "sims" / "models" / f"{name}.optomodel", model)
-    return found, out / bundle_name(design)
+    return Prediction(design=design, found=found, folder=Path(out) / bundle_name(design))
 
 
 def bound_mm(
@@ -201,10 +167,10 @@ def bound_mm(
 
 
 def _require_roles(protocol: PressProtocol) -> None:
-    for role, verb in (("train", "trained"), ("test", "judged")):
+    for role, done in (("train", "trained"), ("test", "judged")):
         if not any(one.role == role for one in protocol.sets):
             raise InputError(
-                f"protocol {protocol.name}: has no set of role {role!r}, so nothing can be {verb}; add one"
+                f"protocol {protocol.name}: has no set of role {role!r}, so nothing can be {done}; add one"
             )
 
 
