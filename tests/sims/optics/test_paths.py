@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from optopad.sims.optics.oracle.paths import LightWalker as OracleWalker
 from optopad.sims.optics.paths import FATES, LOST, LightWalker
 from optopad.sims.optics.scene.optical_scene import OpticalScene
 from optopad.sims.press import Indentation
-from tests.sims.optics.oracle.form_scenes import crown_press, disc_scene, vault_scene
-from tests.sims.optics.oracle.oracle_scenes import dimple, ring_scene, scene_of, shank_press
+from tests.oracle.form_scenes import crown_press, disc_scene, vault_scene
+from tests.oracle.oracle_scenes import dimple, ring_scene, scene_of, shank_press
+from tests.oracle.paths import LightWalker as OracleWalker
 
 CENTRE = np.array([15.0, 17.0])
 RAYS = 4000

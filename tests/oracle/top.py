@@ -41,8 +41,10 @@ from scipy.interpolate import PchipInterpolator
 from optopad.design.arrays import FloatArray
 from optopad.design.errors import InputError, ModelScopeError
 from optopad.design.shape.top import Top
-from optopad.sims.optics.oracle.scene import UNIT_TOLERANCE, beyond_walls_mm, outline_mm
-from optopad.sims.optics.oracle.surface import (
+from optopad.sims.optics.scene.optical_scene import OpticalScene, SmoothField
+from optopad.sims.press import Indentation
+from tests.oracle.scene import UNIT_TOLERANCE, beyond_walls_mm, outline_mm
+from tests.oracle.surface import (
     BINS,
     BLOCK,
     REACH_SHARE,
@@ -50,8 +52,6 @@ from optopad.sims.optics.oracle.surface import (
     STEEPEST_SHARE,
     Surface,
 )
-from optopad.sims.optics.scene.optical_scene import OpticalScene, SmoothField
-from optopad.sims.press import Indentation
 
 Presses = Indentation | None | Sequence[Indentation | None]
 """The presses in one state: one press, None for the untouched pad, or one press or None for each tip."""

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from optopad.design.errors import InputError
-from optopad.sims.optics.oracle.paths import LOST, LightWalker, sample_paths
-from optopad.sims.optics.oracle.tracer import CLASSES
+from tests.oracle.called_oracle_kernels import is_in_elastomer
+from tests.oracle.oracle_scenes import dimple, flat_top, ring_scene, wrapped_press
+from tests.oracle.paths import LOST, LightWalker, sample_paths
+from tests.oracle.tracer import CLASSES
 from tests.said import pattern
-from tests.sims.optics.oracle.called_oracle_kernels import is_in_elastomer
-from tests.sims.optics.oracle.oracle_scenes import dimple, flat_top, ring_scene, wrapped_press
 
 CENTRE = np.array([15.0, 17.0])
 

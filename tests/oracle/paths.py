@@ -14,11 +14,11 @@ from numpy.typing import ArrayLike
 
 from optopad.design.arrays import BoolArray, FloatArray
 from optopad.design.errors import InputError
-from optopad.sims.optics.oracle.scene import lower_scene
-from optopad.sims.optics.oracle.top import Presses, lower_presses
-from optopad.sims.optics.oracle.tracer import check_seed, next_path
-from optopad.sims.optics.oracle.walk import FATES
 from optopad.sims.optics.scene.optical_scene import OpticalScene, SmoothField
+from tests.oracle.scene import lower_scene
+from tests.oracle.top import Presses, lower_presses
+from tests.oracle.tracer import check_seed, next_path
+from tests.oracle.walk import FATES
 
 LOST = -1
 """Stands for a receiver's number where light reaches no receiver."""
@@ -35,7 +35,7 @@ class LightPath:
     Attributes
     ----------
     fate : how the ray ends: name of its class of light if it reaches a receiver, else name of the loss
-        (`optopad.sims.optics.oracle.walk.FATES`)
+        (`tests.oracle.walk.FATES`)
     emitter, receiver : numbers of both; the receiver is -1 if the light is lost
     ray : number of the ray
     places_mm : (n, 3) points along the path [mm]
@@ -75,7 +75,7 @@ def sample_paths(
 
     Returns
     -------
-    for each path, how it ends (`optopad.sims.optics.oracle.walk.FATES`) and its (n, 3) points [mm]
+    for each path, how it ends (`tests.oracle.walk.FATES`) and its (n, 3) points [mm]
     """
     walker = LightWalker(scene, centre_mm, indentation, seed, field)
     if receiver is not None:
@@ -94,7 +94,7 @@ class LightWalker:
     centre_mm : (2,) press axis, or (tip, 2) axes if several tips press at once [mm]
     indentation : the press, None for the untouched pad, or a sequence with one of these per tip
     seed : seed of the random streams, >= 0
-    field : height added to the top, or None; see `optopad.sims.optics.oracle.tracer.trace_oracle`
+    field : height added to the top, or None; see `tests.oracle.tracer.trace_oracle`
     """
 
     def __init__(

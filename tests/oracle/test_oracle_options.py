@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from optopad.design.errors import InputError, ModelScopeError
-from optopad.sims.optics.oracle.chance import pattern_cosine, pattern_shares, table_value
-from optopad.sims.optics.oracle.paths import LightWalker
-from optopad.sims.optics.oracle.scene import fresnel_reflectance
-from optopad.sims.optics.oracle.tracer import CLASSES, trace_oracle
-from optopad.sims.optics.oracle.walk import FATES
 from optopad.sims.optics.scene.optical_scene import SmoothField, smooth_field
+from tests.oracle.chance import pattern_cosine, pattern_shares, table_value
+from tests.oracle.oracle_scenes import dimple, flat_field, ring_scene, scene_of, wrapped_press
+from tests.oracle.paths import LightWalker
+from tests.oracle.scene import fresnel_reflectance
+from tests.oracle.tracer import CLASSES, trace_oracle
+from tests.oracle.walk import FATES
 from tests.said import says
 from tests.sims.optics.form_factors import parallel_factor
-from tests.sims.optics.oracle.oracle_scenes import dimple, flat_field, ring_scene, scene_of, wrapped_press
 
 DIRECT, TOP, SKIRT, WALL, DIFFUSE, CROSSING = range(6)
 CENTRE = np.array([14.0, 17.0])

@@ -11,12 +11,8 @@ import numpy as np
 import pytest
 
 from optopad.design.errors import InputError
-from optopad.sims.optics.oracle.paths import LightWalker, sample_paths
-from optopad.sims.optics.oracle.tracer import CLASSES, trace_oracle
-from optopad.sims.optics.oracle.walk import FATES
 from optopad.sims.optics.scene.optical_scene import ARC_COLUMNS, smooth_field
-from tests.said import says
-from tests.sims.optics.oracle.form_scenes import (
+from tests.oracle.form_scenes import (
     DISC_MM,
     block,
     crown_press,
@@ -27,7 +23,11 @@ from tests.sims.optics.oracle.form_scenes import (
     vault_scene,
     with_top,
 )
-from tests.sims.optics.oracle.oracle_scenes import dimple, ring_scene, wrapped_press
+from tests.oracle.oracle_scenes import dimple, ring_scene, wrapped_press
+from tests.oracle.paths import LightWalker, sample_paths
+from tests.oracle.tracer import CLASSES, trace_oracle
+from tests.oracle.walk import FATES
+from tests.said import says
 
 DIRECT, TOP, SKIRT, WALL, DIFFUSE, CROSSING = range(6)
 CROWN_MM = 30.0

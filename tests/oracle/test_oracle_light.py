@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from optopad.design.errors import InputError
-from optopad.sims.optics.oracle.tracer import CLASSES, trace_oracle
-from optopad.sims.optics.oracle.walk import FATES
+from tests.oracle.oracle_scenes import dimple, ring_scene, scene_of, wrapped_press
+from tests.oracle.tracer import CLASSES, trace_oracle
+from tests.oracle.walk import FATES
 from tests.said import says
-from tests.sims.optics.oracle.oracle_scenes import dimple, ring_scene, scene_of, wrapped_press
 
 DIRECT, TOP, SKIRT, WALL, DIFFUSE, CROSSING = range(6)
 

@@ -8,17 +8,17 @@ import pytest
 from scipy.optimize import brentq
 
 from optopad.design.errors import InputError
-from optopad.sims.optics.oracle.surface import CONTACT, FREE, NOTHING
 from optopad.sims.press import Indentation
-from tests.said import says
-from tests.sims.optics.oracle.called_oracle_kernels import is_in_elastomer, top_exit
-from tests.sims.optics.oracle.oracle_scenes import (
+from tests.oracle.called_oracle_kernels import is_in_elastomer, top_exit
+from tests.oracle.oracle_scenes import (
     dimple,
     dimple_height_mm,
     dimple_shape_mm,
     flat_top,
     wrapped_press,
 )
+from tests.oracle.surface import CONTACT, FREE, NOTHING
+from tests.said import says
 
 CENTRE = np.array([14.0, 17.0])
 TOP_MM = 8.0

@@ -17,9 +17,9 @@ from numba import njit
 
 from optopad.design.arrays import BoolArray, FloatArray, IntArray
 from optopad.design.errors import InputError
-from optopad.sims.optics.oracle.chance import pattern_shares
-from optopad.sims.optics.oracle.surface import REACH_SHARE, sag
 from optopad.sims.optics.scene.optical_scene import OpticalScene, PadForm
+from tests.oracle.chance import pattern_shares
+from tests.oracle.surface import REACH_SHARE, sag
 
 
 @njit()

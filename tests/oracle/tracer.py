@@ -1,8 +1,8 @@
 """The oracle: a plain Monte-Carlo ray tracer that checks the fast light model.
 
 It shares no intersection, surface or Fresnel code with the fast model; the two have only the data of scene and press in
-common. Rays start at each emitter and may pass through air, as `optopad.sims.optics.oracle.walk` describes.
-`optopad.sims.optics.oracle.surface` describes the top and its limits.
+common. Rays start at each emitter and may pass through air, as `tests.oracle.walk` describes.
+`tests.oracle.surface` describes the top and its limits.
 
 Classes of received light
 -------------------------
@@ -40,14 +40,14 @@ from optopad.design.arrays import BoolArray, FloatArray
 from optopad.design.errors import InputError
 from optopad.sims.compiling import listen_to_numba
 from optopad.sims.kernels import entry_points
-from optopad.sims.optics.oracle import chance, scene, surface, top
-from optopad.sims.optics.oracle import walk as walk_file
-from optopad.sims.optics.oracle.chance import ray_stream
-from optopad.sims.optics.oracle.scene import OracleScene, lower_scene
-from optopad.sims.optics.oracle.surface import Surface
-from optopad.sims.optics.oracle.top import Presses, lower_presses
-from optopad.sims.optics.oracle.walk import CROSSING, FATES, UNSUBMERGED, VOLUME, walk
 from optopad.sims.optics.scene.optical_scene import OpticalScene, SmoothField
+from tests.oracle import chance, scene, surface, top
+from tests.oracle import walk as walk_file
+from tests.oracle.chance import ray_stream
+from tests.oracle.scene import OracleScene, lower_scene
+from tests.oracle.surface import Surface
+from tests.oracle.top import Presses, lower_presses
+from tests.oracle.walk import CROSSING, FATES, UNSUBMERGED, VOLUME, walk
 
 MODULES = (
     chance,

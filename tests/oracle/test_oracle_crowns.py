@@ -9,20 +9,14 @@ import numpy as np
 import pytest
 
 from optopad.design.errors import InputError, ModelScopeError
-from optopad.sims.optics.oracle.paths import LightWalker
-from optopad.sims.optics.oracle.surface import CONTACT, FREE, INSIDE, NOTHING, OUTSIDE, is_untouched
-from optopad.sims.optics.oracle.top import lower_presses
-from optopad.sims.optics.oracle.tracer import CLASSES, trace_oracle
-from optopad.sims.optics.oracle.walk import FATES
 from optopad.sims.optics.scene.optical_scene import smooth_field
-from tests.said import says
-from tests.sims.optics.oracle.called_oracle_kernels import (
+from tests.oracle.called_oracle_kernels import (
     is_in_elastomer,
     tip_hit,
     top_entry,
     top_exit,
 )
-from tests.sims.optics.oracle.form_scenes import (
+from tests.oracle.form_scenes import (
     DISC_MM,
     crown_press,
     disc_form,
@@ -32,7 +26,13 @@ from tests.sims.optics.oracle.form_scenes import (
     rectangle_form,
     vault_scene,
 )
-from tests.sims.optics.oracle.oracle_scenes import dimple, shank_press, wrapped_press
+from tests.oracle.oracle_scenes import dimple, shank_press, wrapped_press
+from tests.oracle.paths import LightWalker
+from tests.oracle.surface import CONTACT, FREE, INSIDE, NOTHING, OUTSIDE, is_untouched
+from tests.oracle.top import lower_presses
+from tests.oracle.tracer import CLASSES, trace_oracle
+from tests.oracle.walk import FATES
+from tests.said import says
 
 CROWN_MM, CLEAR_MM = 30.0, 8.0
 PLACE = np.array([15.0, 9.5])
