@@ -117,7 +117,7 @@ class Pad(NamedTuple):
     emitters, receivers : their faces (`optopad.sims.optics.engine.general.lower.windows_of`)
     shares : (e, n) share of an emitter's power below each node of its table [-]
     reflectances : of walls, bottom and tip [-]
-    index : refractive index of the elastomer [-]
+    refractive_index : of the elastomer [-]
     wall_ratio : that index divided by the index behind smooth walls [-]; 0 if walls only scatter
     solid : the tip in press coordinates: height of its sphere's centre, and radius of the sphere (0 if none); radius of
         the cylinder above, and the height where that starts [mm]
@@ -129,7 +129,7 @@ class Pad(NamedTuple):
     receivers: FloatArray
     shares: FloatArray
     reflectances: tuple[float, float, float]
-    index: float
+    refractive_index: float
     wall_ratio: float
     solid: tuple[float, float, float, float]
 
@@ -293,7 +293,7 @@ def _walk(
             side = -1.0 if in_air else 1.0
             nx, ny, nz = side * nx, side * ny, side * nz  # to the far side
             cosine = dx * nx + dy * ny + dz * nz
-            ratio = 1.0 / pad.index if in_air else pad.index
+            ratio = 1.0 / pad.refractive_index if in_air else pad.refractive_index
             if cosine > 0.0 and chance < fresnel(cosine, ratio):
                 dx, dy, dz = mirrored(dx, dy, dz, nx, ny, nz)
                 if not in_air:
@@ -452,7 +452,7 @@ def _pad_of(scene: OpticalScene, press: Indentation | None) -> Pad:
             float(scene.bottom_reflectance),
             float(scene.tip_reflectance),
         ),
-        index=float(scene.refractive_index),
+        refractive_index=float(scene.refractive_index),
         wall_ratio=0.0 if scene.wall_index is None else float(scene.refractive_index / scene.wall_index),
         solid=_solid(press),
     )
