@@ -26,7 +26,7 @@ from tests.oracle.form_scenes import (
     rectangle_form,
     vault_scene,
 )
-from tests.oracle.oracle_scenes import dimple, shank_press, wrapped_press
+from tests.oracle.oracle_scenes import shank_press, wrapped_press
 from tests.oracle.paths import LightWalker
 from tests.oracle.surface import CONTACT, FREE, INSIDE, NOTHING, OUTSIDE, is_untouched
 from tests.oracle.top import lower_presses
@@ -321,26 +321,8 @@ def test_an_untouched_crown_is_known_to_be_untouched():
             ModelScopeError,
             "indentations[0]",
         ),
-        (
-            disc_scene(crown_radius_mm=CROWN_MM, height_mm=3.0, emitter_patch=np.tile([1.5, 1.0, 0.5, 0.5], (4, 1)),
-                       receiver_patch=np.tile([1.5, 1.0, 0.5, 0.5], (4, 1))),
-            [12.0, 12.0],
-            dimple(3.0),
-            None,
-            InputError,
-            "indentations[0] ... 3 mm down ... of 3 mm",
-        ),
-        (disc_scene(), [2.0, 2.0], dimple(1.0), None, InputError, "centres_mm[0]: 2, 2 mm ... 2.14214 mm"),
-        (
-            disc_scene(crown_radius_mm=CROWN_MM),
-            [DISC_MM + 11.95 * math.cos(0.3 * math.pi / 8), DISC_MM + 11.95 * math.sin(0.3 * math.pi / 8)],
-            crown_press(1.0, CROWN_MM),
-            None,
-            InputError,
-            "mm outside wall 0; press inside",
-        ),
     ],
-)  # fmt: skip
+)
 def test_a_bad_press_on_a_form_is_refused_by_name(scene, centre, press, field, error, message):
     with pytest.raises(error) as caught:
         trace_oracle(scene, [centre], [press], fields=[field], rays=10)

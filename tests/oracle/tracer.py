@@ -37,7 +37,6 @@ from numba import prange
 from numpy.typing import ArrayLike
 
 from optopad.design.arrays import BoolArray, FloatArray
-from optopad.design.errors import InputError
 from optopad.sims.compiling import listen_to_numba
 from optopad.sims.kernels import entry_points
 from optopad.sims.optics.scene.optical_scene import OpticalScene, SmoothField
@@ -175,15 +174,12 @@ def trace_oracle(
 
     Raises
     ------
-    InputError : the scene, a location, a profile or the seed is invalid, or there are fewer than 2 rays.
+    InputError : a curve is off its tip.
     ModelScopeError : a curve folds and there are several tips, a field or a crown; contacts overlap; several tips press
         on a crown; or a crowned pad reaches too far around a press.
     """
-    if rays < 2:
-        raise InputError(f"rays: {rays} is too few; at least 2")
     lowered = lower_scene(scene)
     tops = lower_presses(scene, centres_mm, indentations, fields)
-    check_seed(seed)
     emitters, receivers = len(scene.emitter_wall), len(scene.receiver_wall)
     flux = np.zeros((len(CLASSES), len(tops), emitters, receivers))
     square = np.zeros_like(flux)
@@ -209,9 +205,3 @@ def trace_oracle(
 def _standard_error(mean: FloatArray, mean_square: FloatArray, rays: int) -> FloatArray:
     """Standard error of a mean over rays, each of which adds to only one bin."""
     return np.asarray(np.sqrt(np.maximum(mean_square - mean * mean, 0.0) / (rays - 1)))
-
-
-def check_seed(seed: int) -> None:
-    """Refuse a seed that does not fit a random stream."""
-    if not 0 <= seed < 2**63:
-        raise InputError(f"seed: {seed} must lie between 0 and 2^63 - 1")

@@ -181,11 +181,8 @@ def test_a_stadium_has_the_half_turn_and_the_mirrors_that_its_facets_leave() -> 
 
 
 def test_a_press_is_refused_by_its_gap_to_the_nearest_wall() -> None:
-    press = compact_dimple(2.0)
     with pytest.raises(Exception, match="outside the pad"):
-        trace_scene(SCENE, np.array([[1.0, 1.0]]), [press], accuracy="draft")
-    with pytest.raises(Exception, match="outside the round wall"):
-        trace_oracle(SCENE, [[1.0, 19.0]], [press], rays=10)
+        trace_scene(SCENE, np.array([[1.0, 1.0]]), [compact_dimple(2.0)], accuracy="draft")
 
 
 @pytest.mark.slow
