@@ -17,8 +17,6 @@ from optopad.work import read_design
 if TYPE_CHECKING:
     from optopad.design.spec import SensorDesign
 
-DEFAULT_ORACLE_RAYS = 1_000_000
-
 
 def score(
     design: options.Design,
@@ -91,15 +89,6 @@ def simulate(
             "--press", metavar="X,Y,DEPTH", help="A press [mm]; repeatable. Default: centre, all depths."
         ),
     ] = None,
-    oracle: Annotated[
-        bool, typer.Option("--oracle", help="Also trace with the plain ray tracer and compare.")
-    ] = False,
-    rays: Annotated[
-        int | None,
-        typer.Option(
-            min=1000, help="Rays per emitter and state of --oracle's ray tracer (1000000 if left out)."
-        ),
-    ] = None,
     protocol: Annotated[
         str | None,
         typer.Option(
@@ -119,32 +108,18 @@ def simulate(
     """Compute the light of chosen presses by path class, or the data set of a press protocol; netCDF in the bundle."""
     read = read_design(design, set_)
     if protocol is not None:
-        _refuse_beside_protocol(press=press, oracle=oracle, rays=rays)
+        if press:
+            raise InputError("--press: does not go with --protocol, which has presses of its own; drop one")
         _simulate_protocol(read, protocol, fit=fit, out=out, seed=seed, as_json=as_json)
         return
     if fit:
         raise InputError("--fit: needs --protocol, whose depths it fits; drop it")
-    oracle_rays = _oracle_rays(oracle, rays)
     from optopad.jobs.pipeline import write_signals
 
     presses = [options.parsed_press(text) for text in press or []]
     with progress(quiet=as_json) as step:
-        summary, folder = write_signals(read, presses, out, oracle_rays=oracle_rays, seed=seed, on_step=step)
+        summary, folder = write_signals(read, presses, out, seed=seed, on_step=step)
     tell(as_json, lambda: summary, lambda: [*_signal_lines(summary), f"files     {folder}"])
-
-
-def _oracle_rays(oracle: bool, rays: int | None) -> int | None:
-    if not oracle:
-        if rays is not None:
-            raise InputError(f"--rays: {rays} needs --oracle, which traces them; add it, or drop --rays")
-        return None
-    return DEFAULT_ORACLE_RAYS if rays is None else rays
-
-
-def _refuse_beside_protocol(**given: Any) -> None:
-    for name, value in given.items():
-        if value:
-            raise InputError(f"--{name}: does not go with --protocol, which has presses of its own; drop one")
 
 
 def _simulate_protocol(
@@ -167,12 +142,6 @@ def _signal_lines(summary: dict[str, Any]) -> Iterator[str]:
         shares = "  ".join(f"{name} {value:.3e}" for name, value in state["mean_flux_by_class"].items())
         yield (
             f"press {x_mm:6.2f} {y_mm:6.2f}  depth {depth_mm:5.2f} mm  mean flux {state['mean_flux']:.4e}  {shares}"
-        )
-    if summary["oracle"] is not None:
-        found = summary["oracle"]
-        yield (
-            f"ray tracer: {found['rays']} rays an emitter; chi-square {found['chi_square']:.1f} over "
-            f"{found['compared']} pairs and states; largest difference {found['largest_z']:.1f} standard errors"
         )
 
 

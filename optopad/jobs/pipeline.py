@@ -226,22 +226,16 @@ def write_signals(
     presses: list[Press],
     out: Path,
     *,
-    oracle_rays: int | None,
     seed: int,
     on_step: OnStep,
 ) -> tuple[dict[str, Any], Path]:
-    """Write the signals of presses into the bundle; returns a summary and the bundle's folder.
-
-    `oracle_rays` is the number of the ray tracer's rays per emitter and press; if None, the ray tracer is not used.
-    """
+    """Write the signals of presses into the bundle; returns a summary and the bundle's folder."""
     from optopad.jobs.signals import simulated
 
     require_valid(design)
     with bundle(design, out, seed=seed) as folder:
         (folder / "sims").mkdir(exist_ok=True)
-        summary = simulated(
-            design, presses, folder / "sims", oracle_rays=oracle_rays, seed=seed, on_step=on_step
-        )
+        summary = simulated(design, presses, folder / "sims", seed=seed, on_step=on_step)
     return summary, out / bundle_name(design)
 
 

@@ -108,10 +108,9 @@ SLIPS = [
         "emitters.height_mm",
     ),
     (["new", "x.toml", "--preset", "foo"], "'foo' is no preset. There are: piacenza2017-pad"),
-    (["simulate", "piacenza2017-pair", "--rays", "2000"], "--rays: 2000 needs --oracle"),
     (
-        ["simulate", "piacenza2017-pair", "--protocol", "piacenza2017-quick", "--rays", "2000"],
-        "--rays ... --protocol",
+        ["simulate", "piacenza2017-pair", "--protocol", "piacenza2017-quick", "--press", "9,9,1"],
+        "--press ... --protocol",
     ),
     (["driver", "read", "piacenza2017-pair", "--drift-time", "5"], "--drift-time: 5 needs --model"),
     (["driver", "read", "piacenza2017-pair", "--guard", "0"], "--guard: 0 needs --model"),

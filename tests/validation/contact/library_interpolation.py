@@ -157,6 +157,7 @@ Crowned pads; the crown is the tip's radius over the crown's.
 ## Made by
 
 `python -m tests.validation.contact.library_interpolation`, part of `make validate`; solves that are done are kept.
+`python -m tests.validation.contact.library_build` computes the library itself: two hours or more on two cores.
 """
 
 

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from optopad.sims.optics.oracle.chance import draw, lobe_direction, ray_stream
-from optopad.sims.optics.oracle.scene import fresnel_reflectance
+from tests.oracle.chance import draw, lobe_direction, ray_stream
+from tests.oracle.scene import fresnel_reflectance
 
 
 def test_reflectance_at_normal_incidence_is_the_square_of_the_index_step():

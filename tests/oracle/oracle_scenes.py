@@ -9,10 +9,10 @@ import numpy as np
 
 from optopad.design.arrays import FloatArray
 from optopad.design.shape.top import Top
-from optopad.sims.optics.oracle.surface import Surface
-from optopad.sims.optics.oracle.top import Tip, lower_top
 from optopad.sims.optics.scene.optical_scene import OpticalScene, SmoothField, smooth_field
 from optopad.sims.press import Indentation
+from tests.oracle.surface import Surface
+from tests.oracle.top import Tip, lower_top
 
 
 def scene_of(

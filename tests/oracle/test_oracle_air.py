@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from optopad.sims.optics.oracle.paths import sample_paths
-from optopad.sims.optics.oracle.scene import fresnel_reflectance, refracted_direction
-from optopad.sims.optics.oracle.top import lower_presses
-from optopad.sims.optics.oracle.tracer import CLASSES, trace_oracle
-from optopad.sims.optics.oracle.walk import FATES
 from optopad.sims.optics.scene.optical_scene import smooth_field
-from tests.sims.optics.oracle.called_oracle_kernels import tip_hit, top_entry, top_exit
-from tests.sims.optics.oracle.oracle_scenes import dimple, flat_top, ring_scene, scene_of, wrapped_press
+from tests.oracle.called_oracle_kernels import tip_hit, top_entry, top_exit
+from tests.oracle.oracle_scenes import dimple, flat_top, ring_scene, scene_of, wrapped_press
+from tests.oracle.paths import sample_paths
+from tests.oracle.scene import fresnel_reflectance, refracted_direction
+from tests.oracle.top import lower_presses
+from tests.oracle.tracer import CLASSES, trace_oracle
+from tests.oracle.walk import FATES
 
 DIRECT, CROSSING = CLASSES.index("direct"), CLASSES.index("crossing")
 CENTRE = np.array([14.0, 17.0])

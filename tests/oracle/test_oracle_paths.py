@@ -5,12 +5,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from optopad.design.errors import InputError
-from optopad.sims.optics.oracle.paths import LOST, LightWalker, sample_paths
-from optopad.sims.optics.oracle.tracer import CLASSES
-from tests.said import pattern
-from tests.sims.optics.oracle.called_oracle_kernels import is_in_elastomer
-from tests.sims.optics.oracle.oracle_scenes import dimple, flat_top, ring_scene, wrapped_press
+from tests.oracle.called_oracle_kernels import is_in_elastomer
+from tests.oracle.oracle_scenes import dimple, flat_top, ring_scene, wrapped_press
+from tests.oracle.paths import sample_paths
+from tests.oracle.tracer import CLASSES
 
 CENTRE = np.array([15.0, 17.0])
 
@@ -70,52 +68,3 @@ def test_paths_are_the_same_for_the_same_seed():
     for (name, places), (other, others) in zip(first, second, strict=True):
         assert name == other
         assert np.array_equal(places, others)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"emitter": 8}, "8 does ... has 8"),
-        ({"receiver": -1}, "receiver: -1 does not exist"),
-        ({"seed": -1}, "seed: -1"),
-    ],
-)
-def test_a_bad_request_is_refused_by_name(change, message):
-    with pytest.raises(InputError, match=pattern(message)):
-        sample_paths(ring_scene(), CENTRE, None, **({"emitter": 0, "count": 1} | change))
-
-
-def test_a_ray_followed_under_a_press_leaves_its_emitter_the_same_way():
-    scene = ring_scene()
-    walker = LightWalker(scene, CENTRE, None, 5)
-    found = walker.random_paths(0, [4], count=20, most_rays=10**6)
-    assert len(found) == 20
-    numbers = [path.ray for path in found]
-    assert numbers == sorted(set(numbers))
-    for path, again in zip(found, walker.follow(0, numbers), strict=True):
-        assert np.array_equal(path.places_mm, again.places_mm)
-        assert (again.fate, again.receiver, again.ray) == (path.fate, 4, path.ray)
-    middle = (scene.emitter_patch[0, 0] + scene.receiver_patch[4, 0]) / 2, 16.0  # under the chord
-    pressed = LightWalker(scene, middle, dimple(3.0), 5).follow(0, numbers)
-    assert [path.ray for path in pressed] == numbers
-    for path, bent in zip(found, pressed, strict=True):
-        first, other = (legs[1] - legs[0] for legs in (path.places_mm, bent.places_mm))
-        assert np.array_equal(bent.places_mm[0], path.places_mm[0])
-        assert np.cross(first, other) == pytest.approx(0.0, abs=1e-9)  # one direction, to rounding
-    assert any(path.receiver != 4 for path in pressed)
-
-
-def test_a_search_for_paths_ends_after_the_rays_allowed():
-    found = LightWalker(ring_scene(), CENTRE, None, 5).random_paths(0, [4], count=50, most_rays=2000)
-    assert 0 < len(found) < 50
-    assert max(path.ray for path in found) < 2000
-
-
-def test_ends_choose_between_several_receivers_and_lost_light():
-    walker = LightWalker(ring_scene(), CENTRE, None, 6)
-    both = walker.random_paths(0, [4, 5], count=60, most_rays=10**6)
-    assert {path.receiver for path in both} == {4, 5}
-    lost = walker.random_paths(0, [LOST], count=60, most_rays=10**6)
-    assert {path.receiver for path in lost} == {LOST}
-    assert {path.fate for path in lost}.isdisjoint(CLASSES)
-    assert [path.ray for path in walker.random_paths(0, count=60, most_rays=10**6)] == list(range(60))

@@ -37,14 +37,14 @@ import numpy as np
 from numba import njit
 
 from optopad.design.arrays import FloatArray
-from optopad.sims.optics.oracle.chance import (
+from tests.oracle.chance import (
     direction_about,
     draw,
     lobe_direction,
     pattern_cosine,
     table_value,
 )
-from optopad.sims.optics.oracle.scene import (
+from tests.oracle.scene import (
     BOTTOM_FACE,
     NO_FACE,
     OracleScene,
@@ -56,7 +56,7 @@ from optopad.sims.optics.oracle.scene import (
     refracted_direction,
     untouched_top,
 )
-from optopad.sims.optics.oracle.surface import (
+from tests.oracle.surface import (
     CONTACT,
     INSIDE,
     NOTHING,

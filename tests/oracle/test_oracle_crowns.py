@@ -9,20 +9,14 @@ import numpy as np
 import pytest
 
 from optopad.design.errors import InputError, ModelScopeError
-from optopad.sims.optics.oracle.paths import LightWalker
-from optopad.sims.optics.oracle.surface import CONTACT, FREE, INSIDE, NOTHING, OUTSIDE, is_untouched
-from optopad.sims.optics.oracle.top import lower_presses
-from optopad.sims.optics.oracle.tracer import CLASSES, trace_oracle
-from optopad.sims.optics.oracle.walk import FATES
 from optopad.sims.optics.scene.optical_scene import smooth_field
-from tests.said import says
-from tests.sims.optics.oracle.called_oracle_kernels import (
+from tests.oracle.called_oracle_kernels import (
     is_in_elastomer,
     tip_hit,
     top_entry,
     top_exit,
 )
-from tests.sims.optics.oracle.form_scenes import (
+from tests.oracle.form_scenes import (
     DISC_MM,
     crown_press,
     disc_form,
@@ -32,7 +26,13 @@ from tests.sims.optics.oracle.form_scenes import (
     rectangle_form,
     vault_scene,
 )
-from tests.sims.optics.oracle.oracle_scenes import dimple, shank_press, wrapped_press
+from tests.oracle.oracle_scenes import shank_press, wrapped_press
+from tests.oracle.paths import LightWalker
+from tests.oracle.surface import CONTACT, FREE, INSIDE, NOTHING, OUTSIDE, is_untouched
+from tests.oracle.top import lower_presses
+from tests.oracle.tracer import CLASSES, trace_oracle
+from tests.oracle.walk import FATES
+from tests.said import says
 
 CROWN_MM, CLEAR_MM = 30.0, 8.0
 PLACE = np.array([15.0, 9.5])
@@ -321,26 +321,8 @@ def test_an_untouched_crown_is_known_to_be_untouched():
             ModelScopeError,
             "indentations[0]",
         ),
-        (
-            disc_scene(crown_radius_mm=CROWN_MM, height_mm=3.0, emitter_patch=np.tile([1.5, 1.0, 0.5, 0.5], (4, 1)),
-                       receiver_patch=np.tile([1.5, 1.0, 0.5, 0.5], (4, 1))),
-            [12.0, 12.0],
-            dimple(3.0),
-            None,
-            InputError,
-            "indentations[0] ... 3 mm down ... of 3 mm",
-        ),
-        (disc_scene(), [2.0, 2.0], dimple(1.0), None, InputError, "centres_mm[0]: 2, 2 mm ... 2.14214 mm"),
-        (
-            disc_scene(crown_radius_mm=CROWN_MM),
-            [DISC_MM + 11.95 * math.cos(0.3 * math.pi / 8), DISC_MM + 11.95 * math.sin(0.3 * math.pi / 8)],
-            crown_press(1.0, CROWN_MM),
-            None,
-            InputError,
-            "mm outside wall 0; press inside",
-        ),
     ],
-)  # fmt: skip
+)
 def test_a_bad_press_on_a_form_is_refused_by_name(scene, centre, press, field, error, message):
     with pytest.raises(error) as caught:
         trace_oracle(scene, [centre], [press], fields=[field], rays=10)

@@ -1,8 +1,8 @@
 """The oracle: a plain Monte-Carlo ray tracer that checks the fast light model.
 
 It shares no intersection, surface or Fresnel code with the fast model; the two have only the data of scene and press in
-common. Rays start at each emitter and may pass through air, as `optopad.sims.optics.oracle.walk` describes.
-`optopad.sims.optics.oracle.surface` describes the top and its limits.
+common. Rays start at each emitter and may pass through air, as `tests.oracle.walk` describes.
+`tests.oracle.surface` describes the top and its limits.
 
 Classes of received light
 -------------------------
@@ -37,17 +37,16 @@ from numba import prange
 from numpy.typing import ArrayLike
 
 from optopad.design.arrays import BoolArray, FloatArray
-from optopad.design.errors import InputError
 from optopad.sims.compiling import listen_to_numba
 from optopad.sims.kernels import entry_points
-from optopad.sims.optics.oracle import chance, scene, surface, top
-from optopad.sims.optics.oracle import walk as walk_file
-from optopad.sims.optics.oracle.chance import ray_stream
-from optopad.sims.optics.oracle.scene import OracleScene, lower_scene
-from optopad.sims.optics.oracle.surface import Surface
-from optopad.sims.optics.oracle.top import Presses, lower_presses
-from optopad.sims.optics.oracle.walk import CROSSING, FATES, UNSUBMERGED, VOLUME, walk
 from optopad.sims.optics.scene.optical_scene import OpticalScene, SmoothField
+from tests.oracle import chance, scene, surface, top
+from tests.oracle import walk as walk_file
+from tests.oracle.chance import ray_stream
+from tests.oracle.scene import OracleScene, lower_scene
+from tests.oracle.surface import Surface
+from tests.oracle.top import Presses, lower_presses
+from tests.oracle.walk import CROSSING, FATES, UNSUBMERGED, VOLUME, walk
 
 MODULES = (
     chance,
@@ -175,15 +174,12 @@ def trace_oracle(
 
     Raises
     ------
-    InputError : the scene, a location, a profile or the seed is invalid, or there are fewer than 2 rays.
+    InputError : a curve is off its tip.
     ModelScopeError : a curve folds and there are several tips, a field or a crown; contacts overlap; several tips press
         on a crown; or a crowned pad reaches too far around a press.
     """
-    if rays < 2:
-        raise InputError(f"rays: {rays} is too few; at least 2")
     lowered = lower_scene(scene)
     tops = lower_presses(scene, centres_mm, indentations, fields)
-    check_seed(seed)
     emitters, receivers = len(scene.emitter_wall), len(scene.receiver_wall)
     flux = np.zeros((len(CLASSES), len(tops), emitters, receivers))
     square = np.zeros_like(flux)
@@ -209,9 +205,3 @@ def trace_oracle(
 def _standard_error(mean: FloatArray, mean_square: FloatArray, rays: int) -> FloatArray:
     """Standard error of a mean over rays, each of which adds to only one bin."""
     return np.asarray(np.sqrt(np.maximum(mean_square - mean * mean, 0.0) / (rays - 1)))
-
-
-def check_seed(seed: int) -> None:
-    """Refuse a seed that does not fit a random stream."""
-    if not 0 <= seed < 2**63:
-        raise InputError(f"seed: {seed} must lie between 0 and 2^63 - 1")

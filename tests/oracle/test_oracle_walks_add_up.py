@@ -11,10 +11,10 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from optopad.sims.optics.oracle.paths import LightWalker
-from optopad.sims.optics.oracle.tracer import CLASSES, trace_oracle
-from tests.sims.optics.oracle.form_scenes import crown_press, disc_scene
-from tests.sims.optics.oracle.oracle_scenes import dimple, ring_scene, scene_of, wrapped_press
+from tests.oracle.form_scenes import crown_press, disc_scene
+from tests.oracle.oracle_scenes import dimple, ring_scene, scene_of, wrapped_press
+from tests.oracle.paths import LightWalker
+from tests.oracle.tracer import CLASSES, trace_oracle
 
 CENTRE = [14.0, 17.0]
 WHITE = {"wall_reflectance": 1.0, "bottom_reflectance": 1.0, "tip_reflectance": 1.0}

@@ -7,16 +7,15 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from optopad.design.errors import InputError, ModelScopeError
-from optopad.sims.optics.oracle.chance import pattern_cosine, pattern_shares, table_value
-from optopad.sims.optics.oracle.paths import LightWalker
-from optopad.sims.optics.oracle.scene import fresnel_reflectance
-from optopad.sims.optics.oracle.tracer import CLASSES, trace_oracle
-from optopad.sims.optics.oracle.walk import FATES
+from optopad.design.errors import ModelScopeError
 from optopad.sims.optics.scene.optical_scene import SmoothField, smooth_field
-from tests.said import says
+from tests.oracle.chance import pattern_cosine, pattern_shares, table_value
+from tests.oracle.oracle_scenes import dimple, flat_field, ring_scene, scene_of, wrapped_press
+from tests.oracle.paths import LightWalker
+from tests.oracle.scene import fresnel_reflectance
+from tests.oracle.tracer import CLASSES, trace_oracle
+from tests.oracle.walk import FATES
 from tests.sims.optics.form_factors import parallel_factor
-from tests.sims.optics.oracle.oracle_scenes import dimple, flat_field, ring_scene, scene_of, wrapped_press
 
 DIRECT, TOP, SKIRT, WALL, DIFFUSE, CROSSING = range(6)
 CENTRE = np.array([14.0, 17.0])
@@ -303,43 +302,6 @@ def test_two_tips_far_apart_change_what_each_changes_alone():
         assert alone.total[0, near, near] < 0.9 * flat.total[0, near, near]
         other = 1 - near
         assert np.array_equal(alone.flux[:, 0, other, other], flat.flux[:, 0, other, other])
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"emitter_pattern": np.ones((7, 5))}, "emitter_pattern: shape (7, 5), needs (8, n)"),
-        ({"emitter_pattern": np.ones((8, 5))}, "emitter_pattern[0]: radiates 3.14159"),
-        ({"emitter_pattern": -np.ones((8, 5))}, "emitter_pattern[0]: a radiance is negative"),
-        ({"receiver_response": np.ones((8, 1))}, "receiver_response: shape (8, 1), needs (8, n)"),
-        (
-            {"receiver_response": np.full((8, 3), 1.2)},
-            "receiver_response[0]: 1.2 to 1.2 must lie within 0 to 1",
-        ),
-        ({"receiver_response": np.full((8, 3), math.nan)}, "receiver_response[0]: nan"),
-        ({"wall_index": 0.9}, "wall_index: 0.9 must be >= 1"),
-    ],
-)
-def test_a_bad_option_is_refused_by_name(changes, message):
-    with pytest.raises(InputError) as caught:
-        trace_oracle(ring_scene(**changes), [CENTRE], [None], rays=10)
-    assert message in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("centres", "presses", "fields", "message"),
-    [
-        ([[CENTRE]], [[dimple(1.0)] * 2], None, "indentations[0]: 2 presses for 1 locations"),
-        ([[CENTRE] * 2], [dimple(1.0)], None, "indentations[0]: 1 presses for 2 locations"),
-        ([[CENTRE, [40.0, 2.0]]], [[dimple(1.0)] * 2], None, "centres_mm[0, 1] ... 40 mm is"),
-        ([CENTRE], [None], [None, None], "fields: 2 given, needs 1"),
-        ([[[CENTRE]]], [None], None, "centres_mm: shape (1, 1, 1, 2), needs (1, 2)"),
-    ],
-)
-def test_a_bad_state_is_refused_by_name(centres, presses, fields, message):
-    with pytest.raises(InputError) as caught:
-        trace_oracle(ring_scene(), centres, presses, fields=fields, rays=10)
-    assert says(str(caught.value), message)
 
 
 def test_a_fold_is_refused_only_where_heights_add_up():

@@ -1,4 +1,4 @@
-"""Convert presses on the pad to the ray tracer's top: check them, and cut their profiles into pieces.
+"""Convert presses on the pad to the ray tracer's top: cut their profiles into pieces.
 
 A profile is the curve (radius, height) of a press around the tip's axis. Its part beyond the contact is the *free
 curve*.
@@ -41,8 +41,10 @@ from scipy.interpolate import PchipInterpolator
 from optopad.design.arrays import FloatArray
 from optopad.design.errors import InputError, ModelScopeError
 from optopad.design.shape.top import Top
-from optopad.sims.optics.oracle.scene import UNIT_TOLERANCE, beyond_walls_mm, outline_mm
-from optopad.sims.optics.oracle.surface import (
+from optopad.sims.optics.scene.optical_scene import OpticalScene, SmoothField
+from optopad.sims.press import Indentation
+from tests.oracle.scene import outline_mm
+from tests.oracle.surface import (
     BINS,
     BLOCK,
     REACH_SHARE,
@@ -50,8 +52,6 @@ from optopad.sims.optics.oracle.surface import (
     STEEPEST_SHARE,
     Surface,
 )
-from optopad.sims.optics.scene.optical_scene import OpticalScene, SmoothField
-from optopad.sims.press import Indentation
 
 Presses = Indentation | None | Sequence[Indentation | None]
 """The presses in one state: one press, None for the untouched pad, or one press or None for each tip."""
@@ -76,7 +76,7 @@ def lower_presses(
     indentations: Sequence[Presses],
     fields: Sequence[SmoothField | None] | None = None,
 ) -> list[Surface]:
-    """Check the presses of all states and convert each state's top to numbers.
+    """Convert each state's top to numbers.
 
     Parameters
     ----------
@@ -88,60 +88,29 @@ def lower_presses(
 
     Raises
     ------
-    InputError : shapes do not fit, a press is outside the pad, or a profile is invalid.
+    InputError : a curve is off its tip.
     ModelScopeError : a curve folds and there are several tips, a field or a crown; contacts overlap; several tips press
         on a crown; or the crown falls too steeply around a press.
     """
-    states = len(indentations)
     centres = np.asarray(centres_mm, dtype=np.float64)
-    if centres.ndim not in (2, 3) or len(centres) != states or centres.shape[-1] != 2:
-        raise InputError(
-            f"centres_mm: shape {centres.shape}, needs ({states}, 2): one x, y per indentation, or"
-            f" ({states}, tips, 2)"
-        )
-    if fields is not None and len(fields) != states:
-        raise InputError(f"fields: {len(fields)} given, needs {states}: one or None per state")
     top, outline = Top(clear_mm=scene.height_mm, apex_mm=(0.0, 0.0)), None
     if scene.form is not None and not scene.form.top.is_flat:
         top, outline = scene.form.top, outline_mm(scene.form)
     tops = []
     for state, presses in enumerate(indentations):
-        tips = _pressing_tips(scene, centres[state].reshape(-1, 2), presses, state)
+        tips = _pressing_tips(centres[state].reshape(-1, 2), presses)
         field = None if fields is None else fields[state]
         tops.append(lower_top(top, tips, field, f"indentations[{state}]", outline))
     return tops
 
 
-def _pressing_tips(scene: OpticalScene, centres: FloatArray, presses: Presses, state: int) -> list[Tip]:
-    """Tips that touch the pad in one state, after checking the number and location of its presses."""
-    listed = [presses] if presses is None or isinstance(presses, Indentation) else list(presses)
-    if len(listed) > len(centres) or (len(listed) != len(centres) and any(listed)):
-        raise InputError(
-            f"indentations[{state}]: {len(listed)} presses for {len(centres)} locations in "
-            f"centres_mm[{state}]; give one press or None per tip"
-        )
-    tips = []
-    for number, (centre, press) in enumerate(zip(centres, listed, strict=False)):
-        if press is None or press.depth_mm <= 0.0:
-            continue
-        name = f"centres_mm[{state}]" if len(centres) == 1 else f"centres_mm[{state}, {number}]"
-        _check_place(scene, centre, name)
-        tips.append((centre, press))
-    return tips
-
-
-def _check_place(scene: OpticalScene, centre: FloatArray, name: str) -> None:
-    for axis, place, limit in zip("xy", centre, (scene.length_mm, scene.width_mm), strict=True):
-        if not 0.0 <= place <= limit:
-            raise InputError(f"{name}: {axis} = {place:g} mm is outside the pad, 0 to {limit:g} mm")
-    if scene.form is not None:
-        beyond = beyond_walls_mm(scene.form, centre)
-        if beyond.max() > UNIT_TOLERANCE:
-            wall = int(beyond.argmax())
-            wall_name = "the round wall" if wall >= len(scene.form.walls) else f"wall {wall}"
-            raise InputError(
-                f"{name}: {centre[0]:g}, {centre[1]:g} mm is {beyond.max():g} mm outside {wall_name}; press inside"
-            )
+def _pressing_tips(centres: FloatArray, presses: Presses) -> list[Tip]:
+    """Tips that touch the pad in one state."""
+    listed = [presses] if presses is None or isinstance(presses, Indentation) else presses
+    if not any(listed):
+        return []
+    pairs = zip(centres, listed, strict=True)
+    return [(centre, press) for centre, press in pairs if press is not None and press.depth_mm > 0.0]
 
 
 def lower_top(
@@ -172,8 +141,6 @@ def lower_top(
     parts = []
     for number, (centre, press) in enumerate(tips):
         name = where if len(tips) == 1 else f"{where}[{number}]"
-        # a tilted tip's lowest point is up to radius (1 - cosine) below its apex
-        check_indentation(press, float(origin[2] - press.tip_radius_mm * (1.0 - axes[2, 2])), name)
         parts.append(_lower_profile(centre, press, curve.mean_curvature, is_sum, name))
     first = np.cumsum([0, *(len(part.curve) for part in parts)])
     starts = [part.starts + row for part, row in zip(parts, first[:-1], strict=True)]
@@ -300,48 +267,6 @@ def _solid(press: Indentation, centre: FloatArray, wetted: FloatArray) -> FloatA
         tip, middle = press.tip_radius_mm, press.tip_radius_mm - press.depth_mm
         return np.array([[x, y, middle, tip, tip, middle]])
     return np.array([[x, y, 0.0, 0.0, *wetted[-1]]])
-
-
-def check_indentation(press: Indentation, top_mm: float, where: str) -> None:
-    """Refuse a press whose profile cannot be a pad's surface.
-
-    top_mm : height of the undisturbed surface [mm]
-    where : name of the press for error messages
-
-    Raises
-    ------
-    InputError : the profile is invalid, or the press goes through the layer.
-    """
-    radius, height = np.asarray(press.radius_mm, float), np.asarray(press.height_mm, float)
-    scalars = (press.depth_mm, press.tip_radius_mm, press.contact_radius_mm)
-    if radius.ndim != 1 or radius.shape != height.shape or radius.size < 2:
-        raise InputError(
-            f"{where}: radius_mm {radius.shape} and height_mm {height.shape} must be two lists of the same"
-            " length, at least 2 points"
-        )
-    if not (np.isfinite(radius).all() and np.isfinite(height).all() and np.isfinite(scalars).all()):
-        raise InputError(f"{where}: the profile holds NaN or infinity; solve the contact again")
-    if radius.min() < 0.0:
-        raise InputError(f"{where}: radius_mm {radius.min():g} is negative; a radius is a distance")
-    if radius[0] > SEAM_MM:
-        raise InputError(f"{where}: the curve starts at radius {radius[0]:g} mm; it must start at 0")
-    if radius[-1] < radius.max():
-        raise InputError(
-            f"{where}: the curve ends at radius {radius[-1]:g} mm, inside its largest {radius.max():g} mm;"
-            " it must end at its outer rim"
-        )
-    if press.tip_radius_mm <= 0.0:
-        raise InputError(f"{where}: tip_radius_mm {press.tip_radius_mm:g} must be > 0")
-    if press.contact_radius_mm < 0.0 or press.contact_radius_mm > radius[-1] - 2.0 * SEAM_MM:
-        raise InputError(
-            f"{where}: contact_radius_mm {press.contact_radius_mm:g} must be >= 0 and inside the curve's rim,"
-            f" {radius[-1]:g} mm"
-        )
-    deepest = max(press.depth_mm, -float(height.min()))
-    if deepest >= top_mm:
-        raise InputError(
-            f"{where}: reaches {deepest:g} mm down in a clear layer of {top_mm:g} mm; press less deep"
-        )
 
 
 def free_curve(press: Indentation, where: str) -> tuple[FloatArray, FloatArray, float]:

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from optopad.design.errors import ModelScopeError
-from optopad.sims.optics.oracle.surface import CONTACT, FREE, INSIDE, NOTHING, OUTSIDE
 from optopad.sims.optics.scene.optical_scene import SmoothField, smooth_field
-from tests.sims.optics.oracle.called_oracle_kernels import is_in_elastomer, top_height, top_hit
-from tests.sims.optics.oracle.oracle_scenes import (
+from tests.oracle.called_oracle_kernels import is_in_elastomer, top_height, top_hit
+from tests.oracle.oracle_scenes import (
     dimple,
     dimple_height_mm,
     flat_field,
@@ -18,6 +17,7 @@ from tests.sims.optics.oracle.oracle_scenes import (
     shank_press,
     wrapped_press,
 )
+from tests.oracle.surface import CONTACT, FREE, INSIDE, NOTHING, OUTSIDE
 
 TOP_MM = 8.0
 LENGTH_MM = 32.0

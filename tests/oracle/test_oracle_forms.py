@@ -10,13 +10,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from optopad.design.errors import InputError
-from optopad.sims.optics.oracle.paths import LightWalker, sample_paths
-from optopad.sims.optics.oracle.tracer import CLASSES, trace_oracle
-from optopad.sims.optics.oracle.walk import FATES
-from optopad.sims.optics.scene.optical_scene import ARC_COLUMNS, smooth_field
-from tests.said import says
-from tests.sims.optics.oracle.form_scenes import (
+from optopad.sims.optics.scene.optical_scene import smooth_field
+from tests.oracle.form_scenes import (
     DISC_MM,
     block,
     crown_press,
@@ -27,7 +22,10 @@ from tests.sims.optics.oracle.form_scenes import (
     vault_scene,
     with_top,
 )
-from tests.sims.optics.oracle.oracle_scenes import dimple, ring_scene, wrapped_press
+from tests.oracle.oracle_scenes import dimple, ring_scene, wrapped_press
+from tests.oracle.paths import LightWalker, sample_paths
+from tests.oracle.tracer import CLASSES, trace_oracle
+from tests.oracle.walk import FATES
 
 DIRECT, TOP, SKIRT, WALL, DIFFUSE, CROSSING = range(6)
 CROWN_MM = 30.0
@@ -146,6 +144,10 @@ def test_direct_light_between_facets_is_that_of_small_windows():
     assert light.flux[DIRECT, 0, 0].sum() == pytest.approx(truth.sum(), rel=0.04)
 
 
+def bends(radius_mm, axis):
+    return {name: 0.0 if axis == name[1] else 1.0 / radius_mm for name in ("kx", "ky")}
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("depth_mm", [0.0, 1.5])
 @pytest.mark.parametrize("axis", ["none", "x"])
@@ -252,67 +254,3 @@ def test_of_a_window_at_the_rim_only_what_lies_below_the_crown_shines():
     bare = 0.5 - float(np.mean(top - rim)) / 2.0
     # 4 standard errors of a share of a half
     assert fate(light, "unsubmerged")[0, 0] == pytest.approx(bare, abs=4.0 * 0.5 / math.sqrt(100_000))
-
-
-def walls_with(number, column, value):
-    walls = disc_form(8).walls.copy()
-    walls[number, column] = value
-    return walls
-
-
-def arc_of(**changes):
-    row = dict(zip(ARC_COLUMNS, disc_form(8).arcs[0], strict=True))
-    return np.array([list((row | changes).values())])
-
-
-def disc_with(**changes):
-    return {"form": replace(disc_form(8), **changes)}
-
-
-def disc_topped(**changes):
-    return {"form": with_top(disc_form(8), **changes)}
-
-
-def bends(radius_mm, axis="none"):
-    return {name: 0.0 if axis == name[1] else 1.0 / radius_mm for name in ("kx", "ky")}
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        (disc_with(walls=np.ones((8, 5))), "form.walls: shape (8, 5), needs (k, 6)"),
-        (disc_with(walls=walls_with(3, 0, math.nan)), "form.walls[3]: [nan"),
-        (disc_with(walls=walls_with(2, slice(4, 6), (2.0, 0.0))), "form.walls[2] ... length 2"),
-        (disc_with(walls=walls_with(2, slice(2, 4), (0.5, 0.0))), "form.walls[2] ... length 0.5"),
-        (disc_with(walls=walls_with(1, slice(2, 4), (1.0, 0.0))), "form.walls[1]"),
-        (disc_with(walls=walls_with(0, 0, 99.0)), "form.walls[0]"),
-        (disc_with(arcs=np.zeros((1, 3))), "form.arcs ... 1, 3), needs ... 6): x"),
-        (
-            disc_with(arcs=arc_of(radius=-12.0)),
-            "form.arcs[0]: [12.0, 12.0, -12.0, 0.0, 0.0, -1.0], needs finite",
-        ),
-        (disc_with(arcs=arc_of(ux=0.5)), "form.arcs[0]: [12.0, 12.0, 12.0, 0.5, 0.0, -1.0], needs finite"),
-        (disc_with(arcs=arc_of(cosine=0.2)), "form.arcs[0]: [12.0, 12.0, 12.0, 0.0, 0.0, 0.2], needs finite"),
-        ({"form": replace(disc_form(2), arcs=np.empty((0, 6)))}, "form.walls: 2"),
-        (
-            {"form": replace(rectangle_form(24.0, 24.0), walls=rectangle_form(24.0, 24.0).walls[:3])},
-            "form.walls[0]: runs on without end",
-        ),
-        ({"length_mm": 20.0}, "0 to 20 mm ... length_mm"),
-        (disc_topped(apex_mm=(25.0, 12.0)), "form.top.apex_mm: (25.0, 12.0) lies outside the walls"),
-        (disc_topped(apex_mm=(math.nan, 12.0)), "form.top.apex_mm ... 12.0), needs"),
-        (disc_topped(kx=0.1, ky=0.2), "form.top: curvatures of 0.1 and 0.2 1/mm must be >= 0, and equal"),
-        (disc_topped(kx=-0.1, ky=-0.1), "form.top: curvatures of -0.1 and -0.1 1/mm must be >= 0"),
-        (disc_topped(kx=math.nan), "form.top ... 0 1/mm ... >= 0"),
-        (disc_topped(**bends(12.2)), "form.top ... 12.2 mm ... 12 mm from ... 12.3711 mm"),
-        (disc_topped(**bends(13.0), clear_mm=7.0) | {"height_mm": 7.0}, "1 mm below ... height_mm of 7 mm"),
-        ({"emitter_wall": np.array([0, 2, 4, 8])}, "emitter_wall[3]: 8 ... has 8, from 0"),
-        ({"receiver_patch": np.tile([0.9, 4.0, 1.0, 1.0], (4, 1))}, "receiver_patch[0] ... -0.1 to 1.9 mm"),
-        ({"receiver_patch": np.tile([1.5, 4.0, 1.6, 1.0], (4, 1))}, "receiver_patch[0] ... -0.1 to 3.1 mm"),
-    ],
-)
-def test_a_bad_form_is_refused_by_name(changes, message):
-    scene = replace(disc_scene(), **changes)
-    with pytest.raises(InputError) as caught:
-        trace_oracle(scene, [[12.0, 12.0]], [None], rays=10)
-    assert says(str(caught.value), message)

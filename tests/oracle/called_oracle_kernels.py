@@ -8,8 +8,8 @@ from __future__ import annotations
 import sys
 
 from optopad.sims.kernels import entry_points
-from optopad.sims.optics.oracle import surface
-from optopad.sims.optics.oracle.tracer import MODULES
+from tests.oracle import surface
+from tests.oracle.tracer import MODULES
 
 _entry = entry_points((*MODULES, sys.modules[__name__]))
 

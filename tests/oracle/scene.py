@@ -1,4 +1,4 @@
-"""The pad as the ray tracer takes it: checked numbers of walls, bottom, crown and patches; Fresnel's and Snell's laws.
+"""The pad as the ray tracer takes it: numbers of walls, bottom, crown and patches; Fresnel's and Snell's laws.
 In plan the pad is convex. Each flat wall has a position, a tangent and an outward normal; each round wall has a sector.
 A rectangle is four flat walls. The bottom is the plane z = 0; the untouched top is flat or a crown. A patch is the
 rectangular face of an emitter or receiver.
@@ -16,10 +16,9 @@ import numpy as np
 from numba import njit
 
 from optopad.design.arrays import BoolArray, FloatArray, IntArray
-from optopad.design.errors import InputError
-from optopad.sims.optics.oracle.chance import pattern_shares
-from optopad.sims.optics.oracle.surface import REACH_SHARE, sag
 from optopad.sims.optics.scene.optical_scene import OpticalScene, PadForm
+from tests.oracle.chance import pattern_shares
+from tests.oracle.surface import sag
 
 
 @njit()
@@ -59,7 +58,6 @@ def refracted_direction(
 
 UNIT_TOLERANCE = 1e-9
 """Tolerance for rounding, of unit vectors [-] and of points on a wall [mm]."""
-BOX_TOLERANCE_MM = 1e-6
 ROUND_POINTS = 3600
 """Number of points that represent a round wall; between two points the wall bulges by 4e-7 of its radius."""
 
@@ -160,101 +158,8 @@ def outline_mm(form: PadForm) -> FloatArray:
     return np.vstack(found)
 
 
-def check_form(scene: OpticalScene, form: PadForm) -> None:
-    """Check the walls and the crown of a pad.
-
-    Raises
-    ------
-    InputError : the walls do not enclose a pad, or the crown does not cover it.
-    """
-    _check_numbers(form)
-    for number, (low, high) in enumerate(wall_runs(*form_rows(form))):
-        if not high - low > UNIT_TOLERANCE:
-            raise InputError(
-                f"form.walls[{number}]: nothing of it bounds the pad; take it out, or turn the walls' normals outward"
-            )
-        if not (np.isfinite(low) and np.isfinite(high)):
-            raise InputError(
-                f"form.walls[{number}]: runs on without end; give the walls that close the outline"
-            )
-    outline = outline_mm(form)
-    low, high = outline.min(axis=0), outline.max(axis=0)
-    for axis, first, last, size in zip("xy", low, high, (scene.length_mm, scene.width_mm), strict=True):
-        if first < -BOX_TOLERANCE_MM or last > size + BOX_TOLERANCE_MM:
-            name = "length_mm" if axis == "x" else "width_mm"
-            raise InputError(
-                f"form: the plan runs from {axis} = {first:g} to {last:g} mm, outside its box of 0 to {size:g} mm;"
-                f" move the walls or correct {name}"
-            )
-    if beyond_walls_mm(form, np.asarray(form.top.apex_mm)).max() > UNIT_TOLERANCE:
-        raise InputError(
-            f"form.top.apex_mm: {tuple(form.top.apex_mm)} lies outside the walls; it is the middle of the pad, and the"
-            " walls' normals point away from it"
-        )
-    if not form.top.is_flat:
-        _check_crown(scene, form, outline)
-
-
-def _check_numbers(form: PadForm) -> None:
-    walls, arcs = form_rows(form)
-    if walls.ndim != 2 or walls.shape[1] != 6:
-        raise InputError(f"form.walls: shape {walls.shape}, needs (k, 6): x, y, tx, ty, nx, ny")
-    if arcs.ndim != 2 or arcs.shape[1] != 6:
-        raise InputError(f"form.arcs: shape {arcs.shape}, needs (m, 6): x, y, radius, ux, uy, cosine")
-    for number, row in enumerate(arcs):
-        size = float(np.hypot(*row[3:5]))
-        is_sector = row[5] == -1.0 if size == 0.0 else abs(size - 1.0) <= UNIT_TOLERANCE
-        if not np.isfinite(row).all() or row[2] <= 0.0 or not is_sector:
-            raise InputError(
-                f"form.arcs[{number}]: {row.tolist()}, needs finite x, y, a radius > 0 mm, and a unit vector with the"
-                " cosine of half the sector's turn, or 0, 0, -1 for a whole circle"
-            )
-    if not len(arcs) and len(walls) < 3:
-        raise InputError(
-            f"form.walls: {len(walls)} flat walls and no round one enclose nothing; give at least 3"
-        )
-    for number, row in enumerate(walls):
-        if not np.isfinite(row).all():
-            raise InputError(f"form.walls[{number}]: {row.tolist()} must be finite")
-        for name, vector in (("tangent", row[2:4]), ("normal", row[4:])):
-            size = float(np.hypot(*vector))
-            if abs(size - 1.0) > UNIT_TOLERANCE:
-                raise InputError(
-                    f"form.walls[{number}]: its {name} has the length {size:.10g}; scale it to 1"
-                )
-        if abs(float(row[2:4] @ row[4:])) > UNIT_TOLERANCE:
-            raise InputError(
-                f"form.walls[{number}]: tangent and normal are not at right angles; turn one of them"
-            )
-    kx, ky = form.top.kx, form.top.ky
-    if not (0.0 <= kx < np.inf and 0.0 <= ky < np.inf and (kx == ky or 0.0 in (kx, ky))):
-        raise InputError(
-            f"form.top: curvatures of {kx:g} and {ky:g} 1/mm must be >= 0, and equal or one of them 0"
-        )
-    if np.shape(form.top.apex_mm) != (2,) or not np.isfinite(form.top.apex_mm).all():
-        raise InputError(f"form.top.apex_mm: {form.top.apex_mm}, needs finite x and y")
-
-
-def _check_crown(scene: OpticalScene, form: PadForm, outline: FloatArray) -> None:
-    used = np.array([form.top.kx > 0.0, form.top.ky > 0.0])
-    reach = float(np.hypot(*((outline - form.top.apex_mm) * used).T).max())
-    if reach > REACH_SHARE * form.top.radius_mm:
-        raise InputError(
-            f"form.top: a crown of {form.top.radius_mm:g} mm over a plan that reaches {reach:g} mm from the apex,"
-            f" needs >= {reach / REACH_SHARE:g} mm; flatten the crown"
-        )
-    rim = float(form.top.height_mm(outline[:, 0], outline[:, 1]).min())
-    if rim <= 0.0:
-        raise InputError(
-            f"form: the rim of the crown lies {-rim:g} mm below the bottom, with a height_mm of {scene.height_mm:g} mm"
-            " at the apex; raise it or flatten the crown"
-        )
-
-
 NO_FACE, BOTTOM_FACE, ROUND_FACE = -1, -2, -3
 """Codes of surfaces besides flat walls. Flat walls are numbered from 0; round walls count down from `ROUND_FACE`."""
-POWER_TOLERANCE = 1e-6
-"""Largest deviation of a radiance table's power from 1 [-], as tables may have been rounded."""
 
 
 class OracleScene(NamedTuple):
@@ -290,27 +195,15 @@ class OracleScene(NamedTuple):
 
 
 def lower_scene(scene: OpticalScene) -> OracleScene:
-    """Check a scene and convert it to a tuple for compiled code.
-
-    Raises
-    ------
-    InputError : a number of the scene is out of range, or walls, crown and patches do not fit together.
-    """
-    for name in ("length_mm", "width_mm", "height_mm"):
-        _require(name, getattr(scene, name), 0.0, np.inf, open_low=True)
-    _require("refractive_index", scene.refractive_index, 1.0, np.inf)
-    _require("absorption_per_mm", scene.absorption_per_mm, 0.0, np.inf)
-    for name in ("wall_reflectance", "bottom_reflectance", "tip_reflectance"):
-        _require(name, getattr(scene, name), 0.0, 1.0)
-    walls, arcs, crown = _lowered_form(scene)
-    for kind in ("emitter", "receiver"):
-        _check_patches(scene, kind)
-    order = np.asarray(scene.emitter_order, dtype=np.float64)
-    if order.shape != np.shape(scene.emitter_wall):
-        raise InputError(f"emitter_order: shape {order.shape}, needs {np.shape(scene.emitter_wall)}")
-    for i, m in enumerate(order):
-        _require(f"emitter_order[{i}]", float(m), 0.0, np.inf)
-    radiance = _lowered_patterns(scene)
+    """Convert a scene to a tuple for compiled code. The scene is taken as given: a pad that fits together."""
+    form = scene.form
+    if form is None:
+        walls, arcs = rectangle_walls(float(scene.length_mm), float(scene.width_mm)), np.empty((0, 6))
+        crown = np.zeros(4)
+    else:
+        walls, arcs = form_rows(form)
+        crown = np.array([form.top.kx, form.top.ky, *form.top.apex_mm])
+    radiance = _table(scene.emitter_pattern, len(scene.emitter_wall))
     return OracleScene(
         walls,
         arcs,
@@ -321,101 +214,20 @@ def lower_scene(scene: OpticalScene) -> OracleScene:
         float(scene.wall_reflectance),
         float(scene.bottom_reflectance),
         float(scene.tip_reflectance),
-        _wall_ratio(scene),
+        0.0 if scene.wall_index is None else float(scene.refractive_index) / float(scene.wall_index),
         np.ascontiguousarray(scene.emitter_wall, dtype=np.int64),
         np.ascontiguousarray(scene.emitter_patch, dtype=np.float64),
-        np.ascontiguousarray(order),
+        np.ascontiguousarray(scene.emitter_order, dtype=np.float64),
         np.stack([radiance, pattern_shares(radiance) if radiance.size else radiance]),
         np.ascontiguousarray(scene.receiver_wall, dtype=np.int64),
         np.ascontiguousarray(scene.receiver_patch, dtype=np.float64),
-        _lowered_responses(scene),
+        _table(scene.receiver_response, len(scene.receiver_wall)),
     )
 
 
-def _lowered_form(scene: OpticalScene) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Attributes `walls`, `arcs` and `crown` of `OracleScene`, after checking the pad's."""
-    form = scene.form
-    if form is None:
-        walls = rectangle_walls(float(scene.length_mm), float(scene.width_mm))
-        return walls, np.empty((0, 6)), np.zeros(4)
-    check_form(scene, form)
-    return *form_rows(form), np.array([form.top.kx, form.top.ky, *form.top.apex_mm])
-
-
-def _wall_ratio(scene: OpticalScene) -> float:
-    if scene.wall_index is None:
-        return 0.0
-    _require("wall_index", scene.wall_index, 1.0, np.inf)
-    return float(scene.refractive_index) / float(scene.wall_index)
-
-
-def _table(given: FloatArray | None, name: str, rows: int) -> FloatArray:
+def _table(given: FloatArray | None, rows: int) -> FloatArray:
     """(rows, n) table over cosines as an array; (rows, 0) if the scene has no such table."""
-    if given is None:
-        return np.empty((rows, 0))
-    table = np.ascontiguousarray(given, dtype=np.float64)
-    if table.ndim != 2 or table.shape[0] != rows or table.shape[1] < 2:
-        raise InputError(f"{name}: shape {table.shape}, needs ({rows}, n) with n >= 2 cosines from 0 to 1")
-    return table
-
-
-def _lowered_patterns(scene: OpticalScene) -> FloatArray:
-    radiance = _table(scene.emitter_pattern, "emitter_pattern", len(scene.emitter_wall))
-    if not radiance.size:
-        return radiance
-    for i, row in enumerate(radiance):
-        if np.isnan(row).all():
-            continue
-        if not np.isfinite(row).all() or row.min() < 0.0:
-            raise InputError(f"emitter_pattern[{i}]: a radiance is negative or not finite; give numbers >= 0")
-        power = float(pattern_shares(row[None])[0, -1])
-        if abs(power - 1.0) > POWER_TOLERANCE:
-            raise InputError(f"emitter_pattern[{i}]: radiates {power:.7g} of the unit power; scale it to 1")
-    return radiance
-
-
-def _lowered_responses(scene: OpticalScene) -> FloatArray:
-    response = _table(scene.receiver_response, "receiver_response", len(scene.receiver_wall))
-    for i, row in enumerate(response):
-        if row.size and not ((row >= 0.0) & (row <= 1.0)).all():
-            raise InputError(f"receiver_response[{i}]: {row.min():g} to {row.max():g} must lie within 0 to 1")
-    return response
-
-
-def _require(name: str, value: float, low: float, high: float, *, open_low: bool = False) -> None:
-    """Refuse a number outside its range, NaN or infinity."""
-    if not (np.isfinite(value) and low <= value <= high and not (open_low and value == low)):
-        sign = ">" if open_low else ">="
-        limit = f"{sign} {low:g}" + ("" if np.isinf(high) else f" and <= {high:g}")
-        raise InputError(f"{name}: {value:g} must be {limit}")
-
-
-def _check_patches(scene: OpticalScene, kind: str) -> None:
-    """Refuse emitters or receivers, as `kind` names, that are not rectangles on a flat wall of the pad."""
-    walls, patches = np.asarray(getattr(scene, f"{kind}_wall")), np.asarray(getattr(scene, f"{kind}_patch"))
-    if walls.ndim != 1 or patches.shape != (walls.size, 4):
-        raise InputError(f"{kind}_patch: shape {patches.shape}, needs ({walls.size}, 4)")
-    if scene.form is None:
-        runs = np.array([(0.0, run) for run in (scene.length_mm, scene.width_mm) * 2])
-        words, slack = "south 0, east 1, north 2, west 3", 0.0
-    else:
-        runs = wall_runs(*form_rows(scene.form))
-        words, slack = f"the form has {len(runs)}, from 0", UNIT_TOLERANCE
-    for i, (wall, patch) in enumerate(zip(walls, patches, strict=True)):
-        name = f"{kind}_patch[{i}]"
-        if wall not in range(len(runs)):
-            raise InputError(f"{kind}_wall[{i}]: {wall} is no wall; {words}")
-        if not np.isfinite(patch).all() or patch[2] <= 0.0 or patch[3] <= 0.0:
-            raise InputError(f"{name}: {patch.tolist()} must be finite, with half sizes > 0 mm")
-        low, high = runs[wall]
-        if patch[0] - patch[2] < low - slack or patch[0] + patch[2] > high + slack:
-            wall_text = f"of {high:g} mm" if scene.form is None else f"from {low:g} to {high:g} mm"
-            raise InputError(
-                f"{name}: spans {patch[0] - patch[2]:g} to {patch[0] + patch[2]:g} mm along a wall"
-                f" {wall_text}; move it along the wall"
-            )
-        if patch[1] - patch[3] < 0.0:
-            raise InputError(f"{name}: reaches {patch[3] - patch[1]:g} mm below the bottom; raise it")
+    return np.empty((rows, 0)) if given is None else np.ascontiguousarray(given, dtype=np.float64)
 
 
 @njit()

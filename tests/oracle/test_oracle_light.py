@@ -1,18 +1,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from functools import cache
 
 import numba
 import numpy as np
 import pytest
 
-from optopad.design.errors import InputError
-from optopad.sims.optics.oracle.tracer import CLASSES, trace_oracle
-from optopad.sims.optics.oracle.walk import FATES
-from tests.said import says
-from tests.sims.optics.oracle.oracle_scenes import dimple, ring_scene, scene_of, wrapped_press
+from tests.oracle.oracle_scenes import dimple, ring_scene, scene_of, wrapped_press
+from tests.oracle.tracer import CLASSES, trace_oracle
+from tests.oracle.walk import FATES
 
 DIRECT, TOP, SKIRT, WALL, DIFFUSE, CROSSING = range(6)
 
@@ -322,50 +319,6 @@ def test_steps_are_reported():
         on_step=lambda done, total: steps.append((done, total)),
     )
     assert steps == [(k + 1, 16) for k in range(16)]
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"refractive_index": 0.99}, "refractive_index: 0.99 must be >= 1"),
-        ({"refractive_index": math.nan}, "refractive_index: nan"),
-        ({"wall_reflectance": 1.5}, "wall_reflectance: 1.5 must be >= 0 and <= 1"),
-        ({"absorption_per_mm": -0.1}, "absorption_per_mm: -0.1"),
-        ({"height_mm": 0.0}, "height_mm: 0 must be > 0"),
-        ({"emitter_wall": np.full(8, 4)}, "emitter_wall[0]: 4 is no wall"),
-        ({"emitter_order": np.full(8, -1.0)}, "emitter_order[0]: -1"),
-        ({"emitter_order": np.ones(3)}, "emitter_order: shape (3,)"),
-        (
-            {"receiver_patch": np.tile([1.0, 4.0, 1.4, 1.4], (8, 1))},
-            "spans -0.4 to 2.4 mm along a wall",
-        ),
-        ({"receiver_patch": np.tile([4.0, 1.0, 1.4, 1.4], (8, 1))}, "0.4 mm below the bottom"),
-        ({"receiver_patch": np.tile([4.0, 4.0, 0.0, 1.4], (8, 1))}, "half sizes > 0"),
-        ({"receiver_patch": np.ones((8, 3))}, "receiver_patch: shape (8, 3), needs (8, 4)"),
-    ],
-)
-def test_a_bad_scene_is_refused_by_name(changes, message):
-    scene = replace(ring_scene(), **changes)
-    with pytest.raises(InputError) as caught:
-        trace_oracle(scene, [[16, 16]], [None], rays=10)
-    assert message in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("centres", "presses", "rays", "seed", "message"),
-    [
-        ([[33.0, 16.0]], [dimple(1.0)], 10, 0, "centres_mm[0] ... 33 mm is ... 0 to 32 mm"),
-        ([[16.0, math.nan]], [dimple(1.0)], 10, 0, "centres_mm[0]: y = nan mm is outside"),
-        ([16.0, 16.0], [dimple(1.0)], 10, 0, "centres_mm: shape (2,), needs (1, 2)"),
-        ([[16.0, 16.0]], [dimple(1.0), None], 10, 0, "needs (2, 2)"),
-        ([[16.0, 16.0]], [dimple(1.0)], 1, 0, "rays: 1 is too few"),
-        ([[16.0, 16.0]], [dimple(1.0)], 10, -1, "seed: -1"),
-    ],
-)
-def test_a_bad_call_is_refused_by_name(centres, presses, rays, seed, message):
-    with pytest.raises(InputError) as caught:
-        trace_oracle(ring_scene(), centres, presses, rays=rays, seed=seed)
-    assert says(str(caught.value), message)
 
 
 @pytest.mark.slow
