@@ -15,7 +15,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from optopad.design.parts.assumptions import ohm_text
-from optopad.fabrication.sheets.table import number, plain, size_words
+from optopad.fabrication.sheets.table import number, one_line, plain, size_words
 
 
 def numbered(lines: str) -> str:
@@ -35,6 +35,7 @@ FILTERS: dict[str, Callable[..., str]] = {
     "number": number,
     "numbered": numbered,
     "ohm": ohm_text,
+    "one_line": one_line,
     "plain": plain,
     "size_words": size_words,
 }
