@@ -12,7 +12,11 @@ from markupsafe import Markup
 from optopad.fabrication.sheets.template import filled, templates
 
 ROOT = Path(__file__).parents[2]
-PACKAGES = {"optopad.fabrication.sheets": "fabrication/sheets", "optopad.report": "optopad/report"}
+PACKAGES = {
+    "optopad.fabrication.sheets": "fabrication/sheets",
+    "optopad.report": "optopad/report",
+    "optopad.studio": "optopad/studio",
+}
 ATTACK = "<script>alert(1)</script> & \"double\" 'single' {{ 7 * 7 }}"
 
 
