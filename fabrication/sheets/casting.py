@@ -16,7 +16,7 @@ from optopad.design.circuit.transimpedance import Feedback, counts_per_flux_per_
 from optopad.design.mold.filling import is_cast_under_lid
 from optopad.design.mold.outline import outline_of
 from optopad.design.mold.webs import bodies_above_rim, pockets_below_clear_layer
-from optopad.design.parts.assumptions import assumption
+from optopad.design.parts.assumptions import assumption, ohm_text
 from optopad.design.parts.catalog import find_mold_material
 from optopad.design.preset import true_description
 from optopad.design.rules.mold import is_inhibited
@@ -129,9 +129,9 @@ def _emitters(design: SensorDesign, gain: SimulatedGain | None) -> dict[str, Any
 
 def _gain(design: SensorDesign, gain: SimulatedGain | None) -> dict[str, Any]:
     cavity, feedbacks = cavity_of(design), feedbacks_for(design, gain)
-    alike: dict[Feedback, list[str]] = {}
+    alike: dict[tuple[str, ...], list[str]] = {}
     for part, one in zip(cavity.receivers, feedbacks or (), strict=feedbacks is not None):
-        alike.setdefault(one, []).append(part.name)
+        alike.setdefault(_fitted(one), []).append(part.name)
     return {
         "feedbacks": None if feedbacks is None else alike,
         "per_ohm": counts_per_flux_per_ohm(design),
@@ -141,3 +141,17 @@ def _gain(design: SensorDesign, gain: SimulatedGain | None) -> dict[str, Any]:
         "pair_count": len(cavity.emitters) * len(cavity.receivers),
         "full_scale": round(full_scale_counts(design)),
     }
+
+
+def _fitted(one: Feedback) -> tuple[str, ...]:
+    """What the sheet's table says of a receiver's amplifier; receivers with equal cells share a row."""
+    exact, low, high = (ohm_text(float(f"{ohm:.3g}")) for ohm in (one.exact_ohm, one.low_ohm, one.high_ohm))
+    late = "" if one.is_in_time else " (too slow)"
+    return (
+        exact,
+        f"{low} to {high}",
+        ohm_text(one.standard_ohm),
+        f"{one.gain_factor - 1:+.1%}",
+        f"{one.capacitor_pf:g} pF",
+        f"{one.settles_us:.1f}{late}",
+    )

@@ -1,7 +1,7 @@
 """Fills the templates of sheets and pages, which are the files `templates/*.j2` of a package (Jinja2).
 
-A template lays out text; what it shows is computed in Python. In HTML each value that is not markup already is escaped.
-In Markdown the filter `plain` escapes a user's text. A value that a template names and nobody gives is an error.
+A template lays out text; what it shows is computed in Python. Each value that is not markup already is escaped as HTML,
+but not in Markdown, where the filter `plain` escapes a user's text. A name without a value is an error.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from optopad.design.parts.assumptions import ohm_text
-from optopad.fabrication.sheets.table import number, plain, size_words
+from optopad.fabrication.sheets.table import number, one_line, plain, size_words
 
 
 def numbered(lines: str) -> str:
@@ -35,6 +35,7 @@ FILTERS: dict[str, Callable[..., str]] = {
     "number": number,
     "numbered": numbered,
     "ohm": ohm_text,
+    "one_line": one_line,
     "plain": plain,
     "size_words": size_words,
 }
@@ -45,7 +46,7 @@ def templates(package: str) -> Environment:
     """The templates of a package, by file name."""
     found = Environment(
         loader=PackageLoader(package),
-        autoescape=lambda name: name is not None and name.endswith(".html.j2"),
+        autoescape=lambda name: name is None or not name.endswith(".md.j2"),
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
