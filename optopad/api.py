@@ -17,7 +17,7 @@ from optopad.design.progress import OnStep, silent
 if TYPE_CHECKING:
     from optopad.design.spec import SensorDesign
     from optopad.fabrication.driver.recording.recorded import Recorded
-    from optopad.screen.score import Bundle, Checked, Score
+    from optopad.screen.score import Bundle
     from optopad.sims.learning.inference.touch_model import TouchModel
 
 OUT = "outputs"
@@ -59,43 +59,6 @@ def save(design: SensorDesign, file: str | PathLike[str]) -> Path:
 
     save_design(design, file)
     return Path(file)
-
-
-def check(design: SensorDesign) -> Checked:
-    """Check a design against the design rules: whether the pad can be manufactured and its verdict computed.
-
-    The findings are those of `optopad check`.
-    """
-    from optopad.design.rules.check import check as findings_of
-    from optopad.screen.score import Checked
-
-    return Checked(design=design, findings=findings_of(design))
-
-
-def score(
-    design: SensorDesign,
-    *,
-    fine: bool = False,
-    full: bool = False,
-    seed: int = 0,
-    on_step: OnStep | None = None,
-) -> Score:
-    """Compute the verdict on a design, with its figures, maps and plots.
-
-    Parameters
-    ----------
-    full : whether to compute the map at 11 locations along the longer side and in depth steps of 0.1 mm
-    fine : whether to compute the map as with `full`, and also with finer settings of the light model
-    seed : seed of the random shifts of the light model
-
-    Raises
-    ------
-    DesignError : the design breaks a rule; `check` lists them.
-    """
-    from optopad.screen.score import Score
-    from optopad.sims.score.scoring import score as judge
-
-    return Score(design=design, found=judge(design, fine=fine, full=full, seed=seed, on_step=on_step))
 
 
 def run(
@@ -153,9 +116,11 @@ _LATER = {
     "Observations": "optopad.fabrication.driver.observations",
     "Sensor": "optopad.sensor.driver_view",
     "TouchReader": "optopad.fabrication.driver.touch_reader",
+    "check": "optopad.verbs.check",
     "compare": "optopad.verbs.compare",
     "improve": "optopad.verbs.improve",
     "predict": "optopad.verbs.predict",
+    "score": "optopad.verbs.score",
     "sweep": "optopad.verbs.sweep",
 }
 """Names of `import optopad` that are imported when first used, and their modules."""

@@ -100,8 +100,8 @@ class Commands(Mapping[str, Any]):
 
 
 OLD = {
-    "physics": "score simulate rays",
-    "design": "new check schema build studio",
+    "physics": "simulate rays",
+    "design": "new schema build studio",
     "job": "run report",
     "parts": "parts",
     "rest": "doctor",

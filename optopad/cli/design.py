@@ -14,13 +14,12 @@ import typer
 
 from optopad.cli import options
 from optopad.cli.interrupts import answered
-from optopad.design.errors import DesignError, InputError, ModelScopeError
+from optopad.design.errors import InputError
 from optopad.design.preset import PRESETS
-from optopad.screen.output import print_json, progress, say, tell
+from optopad.screen.output import print_json, progress, say
 from optopad.work import read_design
 
 if TYPE_CHECKING:
-    from optopad.design.fields.finding import Finding
     from optopad.design.spec import SensorDesign
     from optopad.studio.live import LiveSensor
     from optopad.studio.session import Session
@@ -62,57 +61,6 @@ def new(
         print_json({"file": str(file), "preset": preset, "digest": design.digest})
     else:
         say(f"{file} written from {preset}. Next: optopad check {file}, then optopad run {file}")
-
-
-def check(
-    design: options.Design,
-    set_: options.Set = None,
-    details: options.Details = False,
-    as_json: options.Json = False,
-) -> None:
-    """Check whether a design can be made and can work; the exit code is 2 if a finding is an error."""
-    from dataclasses import asdict
-
-    from optopad.design.rules.check import by_weight, notes
-    from optopad.design.rules.check import check as findings_of
-    from optopad.screen.figures import summary_words
-    from optopad.screen.verdict import as_typed, findings_screen, rate_words
-
-    read = read_design(design, set_)
-    findings = by_weight((*_contact_findings(read), *findings_of(read)))
-    errors = [finding for finding in findings if finding.severity == "error"]
-    findings = findings if errors else (*findings, *notes(read))
-    tell(
-        as_json,
-        lambda: {"name": read.name, "digest": read.digest, "findings": [asdict(f) for f in findings]},
-        lambda: findings_screen(
-            read.name,
-            findings,
-            command=f"score {as_typed(design, set_)}",
-            rate="" if errors else rate_words(read),
-            size="" if errors else summary_words(read, None),
-            details=details,
-        ),
-    )
-    if errors:
-        raise typer.Exit(2)
-
-
-def _contact_findings(design: SensorDesign) -> Iterator[Finding]:
-    """Findings of the contact model, whose libraries are not loaded for a hemisphere on a pad of ordinary size."""
-    from optopad.design.rules.check import require_scope, require_valid
-    from optopad.design.rules.shape import is_wide
-
-    if is_wide(design):
-        return
-    try:
-        require_valid(design)
-        require_scope(design)
-    except (DesignError, ModelScopeError):
-        return
-    from optopad.sims.contact.indentation import wall_findings
-
-    yield from wall_findings(design)
 
 
 def schema(

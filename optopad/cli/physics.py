@@ -11,83 +11,13 @@ import typer
 from optopad.cli import options
 from optopad.design.errors import InputError
 from optopad.design.spec import SensorDesign
-from optopad.screen.output import foretell_score, print_json, progress, say, tell
+from optopad.screen.output import print_json, progress, say, tell
 from optopad.work import read_design
 
 if TYPE_CHECKING:
     from optopad.design.spec import SensorDesign
 
 DEFAULT_ORACLE_RAYS = 1_000_000
-
-
-def score(
-    design: options.Design,
-    set_: options.Set = None,
-    full: Annotated[
-        bool,
-        typer.Option(
-            "--full", help="A map of 11 locations per side with steps of 0.1 mm, with the usual light."
-        ),
-    ] = False,
-    fine: options.Fine = False,
-    tolerance: Annotated[
-        bool,
-        typer.Option(
-            "--tolerance",
-            help="Also run a Monte Carlo over all tolerances and report how many units keep the verdict.",
-        ),
-    ] = False,
-    builds: Annotated[
-        int | None,
-        typer.Option("--builds", help="Units of the Monte Carlo of --tolerance (200 if left out)."),
-    ] = None,
-    out: options.Out = options.DEFAULT_OUT,
-    seed: options.Seed = 0,
-    details: options.Details = False,
-    as_json: options.Json = False,
-) -> None:
-    """Report the verdict: modes, deadbands, continuity, strength and a map of the pad, written into the bundle."""
-    drawn = _drawn_builds(tolerance, builds)
-    from optopad.jobs.pipeline import write_score
-    from optopad.screen.figures import summary_words
-    from optopad.screen.verdict import as_typed, labelled, learner_line, score_lines, verdict_screen
-
-    read = read_design(design, set_)
-    foretell_score(read, fine=fine, full=full, quiet=as_json)
-    with progress(quiet=as_json) as step:
-        result, folder = write_score(read, out, fine=fine, full=full, seed=seed, on_step=step, builds=drawn)
-    typed, files = as_typed(design, set_), labelled("files", str(folder))
-    size = summary_words(read, result)
-    tell(
-        as_json,
-        result.to_json,
-        lambda: (
-            [*score_lines(result), labelled("size", size), files]
-            if details
-            else verdict_screen(
-                read,
-                result,
-                [files],
-                command=typed,
-                learner=learner_line(read, folder, typed),
-                size=size,
-            )
-        ),
-    )
-
-
-def _drawn_builds(tolerance: bool, builds: int | None) -> int | None:
-    if not tolerance:
-        if builds is not None:
-            raise InputError("--builds: needs --tolerance, whose units it counts; add it")
-        return None
-    from optopad.sims.score.build_tolerance import DEFAULT_BUILDS
-    from optopad.sims.verdict.builds import FEWEST_BUILDS, MOST_BUILDS
-
-    drawn = DEFAULT_BUILDS if builds is None else builds
-    if not FEWEST_BUILDS <= drawn <= MOST_BUILDS:
-        raise InputError(f"--builds: {drawn} is refused: give {FEWEST_BUILDS} to {MOST_BUILDS}")
-    return drawn
 
 
 def simulate(
