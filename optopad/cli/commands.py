@@ -100,15 +100,12 @@ class Commands(Mapping[str, Any]):
 
 
 OLD = {
-    "physics": "simulate rays",
     "design": "new schema build studio",
     "job": "run report",
     "parts": "parts",
     "rest": "doctor",
 }
 OLD_BELOW = {
-    "contact show": "physics",
-    "contact build": "physics",
     "part new": "parts",
     "driver config": "rest",
     "driver firmware": "firmware",
