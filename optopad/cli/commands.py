@@ -99,14 +99,8 @@ class Commands(Mapping[str, Any]):
         return len(self.names)
 
 
-OLD = {
-    "design": "new schema build studio",
-    "job": "run report",
-    "parts": "parts",
-    "rest": "doctor",
-}
+OLD = {"job": "run"}
 OLD_BELOW = {
-    "part new": "parts",
     "driver config": "rest",
     "driver firmware": "firmware",
     "driver flash": "firmware",

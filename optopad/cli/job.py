@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated
-
-import typer
-
 from optopad.cli import options
-from optopad.screen.output import foretell_score, print_json, progress, say, tell
+from optopad.screen.output import foretell_score, progress, tell
 from optopad.work import read_design
 
 
@@ -58,35 +53,3 @@ def run(
             )
         ),
     )
-
-
-def report(
-    bundle: Annotated[Path, typer.Argument(metavar="BUNDLE", help="Bundle folder of an earlier run.")],
-    open_: Annotated[bool, typer.Option("--open", help="Open it in the browser.")] = False,
-    as_json: options.Json = False,
-) -> None:
-    """Check every file of a bundle against its manifest and show the path of the report."""
-    import webbrowser
-
-    from optopad.design.errors import InputError
-    from optopad.fabrication.bundle import MANIFEST, altered_files, with_other_line_ends
-
-    page = bundle / "report.html"
-    if not (bundle / MANIFEST).is_file() or not page.is_file():
-        raise InputError(f"{bundle}: no bundle with a report; make one with `optopad run DESIGN`")
-    altered = altered_files(bundle)
-    rewrapped = with_other_line_ends(bundle, altered)
-    if as_json:
-        print_json({"report": str(page), "altered": list(altered), "line_ends": list(rewrapped)})
-    else:
-        say(f"report    {page}")
-        if rewrapped:
-            say(
-                f"warning   {len(rewrapped)} files have other line ends than the run wrote, and the same content: git "
-                "(core.autocrlf) or a copy by Windows changed them; put `* -text` into .gitattributes and check out "
-                "again, or copy the folder as it is"
-            )
-        for name in sorted(set(altered).difference(rewrapped)):
-            say(f"warning   {name} differs from the manifest: it was changed after the run")
-    if open_:
-        webbrowser.open(page.resolve().as_uri())

@@ -1,4 +1,4 @@
-"""The command `doctor`, and `driver config`."""
+"""The command `driver config`."""
 
 from __future__ import annotations
 
@@ -11,21 +11,6 @@ import typer
 from optopad.cli import options
 from optopad.screen.output import print_json, say
 from optopad.work import read_design
-
-
-def doctor(as_json: options.Json = False) -> None:
-    """Report what this machine can and cannot do."""
-    from dataclasses import asdict
-
-    from optopad.doctor import examine
-
-    findings = examine()
-    if as_json:
-        print_json({"findings": [asdict(finding) for finding in findings]})
-    else:
-        for finding in findings:
-            way_out = f"  -> {finding.way_out}" if finding.way_out else ""
-            say(f"{finding.state:<8} {finding.name:<16} {finding.detail}{way_out}")
 
 
 def config(

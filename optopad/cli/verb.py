@@ -78,11 +78,11 @@ def command_of(function: Callable[..., Any]) -> Callable[..., None]:
     said, taken = inspect.getdoc(function) or "", inspect.signature(function).parameters
     words = list(_words(taken.values(), SHARED | options, helps_of(said), set_before))
     names = {word.name for word in words}
-    more = {"details": has_details, "as_json": "as_json" not in names}
+    more = {"details": has_details, "as_json": "as_json" not in names | options.keys()}
     words += [_word(name, "bool", False, SHARED[name]) for name, is_there in more.items() if is_there]
 
     def command(**given: Any) -> None:
-        as_json = given["as_json"]
+        as_json = given.get("as_json", False)
         values = {
             name: taken[name].default if value is None else value
             for name, value in given.items()
