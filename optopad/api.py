@@ -114,7 +114,7 @@ def read_recording(
 
 _LATER = {
     "Observations": "optopad.fabrication.driver.observations",
-    "Sensor": "optopad.sensor.driver_view",
+    "Sensor": "optopad.sensor",
     "TouchReader": "optopad.fabrication.driver.touch_reader",
     "check": "optopad.verbs.check",
     "compare": "optopad.verbs.compare",

@@ -100,17 +100,10 @@ class Commands(Mapping[str, Any]):
 
 
 OLD = {"job": "run"}
-OLD_BELOW = {
-    "driver config": "rest",
-    "driver firmware": "firmware",
-    "driver flash": "firmware",
-    "driver collect": "collect",
-    **{f"driver {name}": "sensor" for name in ("read", "record", "check", "export", "fake", "ros2")},
-}
 
 
 def _command(above: str, name: str) -> Any:
-    old = {one: module for module, names in OLD.items() for one in names.split()} | OLD_BELOW
+    old = {one: module for module, names in OLD.items() for one in names.split()}
     if (module := old.get(f"{above} {name}".strip())) is not None:
         function = getattr(import_module(f"optopad.cli.{module}"), name)
     else:
