@@ -20,7 +20,6 @@ from optopad.api import (
     load_model,
     presets,
     read_recording,
-    run,
     save,
 )
 
@@ -30,6 +29,7 @@ if TYPE_CHECKING:
     from optopad.verbs.compare import compare as compare
     from optopad.verbs.improve import improve as improve
     from optopad.verbs.predict import predict as predict
+    from optopad.verbs.run import run as run
     from optopad.verbs.score import score as score
     from optopad.verbs.sweep import sweep as sweep
 

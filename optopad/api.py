@@ -12,12 +12,9 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from optopad.design.progress import OnStep, silent
-
 if TYPE_CHECKING:
     from optopad.design.spec import SensorDesign
     from optopad.fabrication.driver.recording.recorded import Recorded
-    from optopad.screen.score import Bundle
     from optopad.sims.learning.inference.touch_model import TouchModel
 
 OUT = "outputs"
@@ -61,26 +58,6 @@ def save(design: SensorDesign, file: str | PathLike[str]) -> Path:
     return Path(file)
 
 
-def run(
-    design: SensorDesign,
-    *,
-    fine: bool = False,
-    seed: int = 0,
-    out: str | PathLike[str] = OUT,
-    on_step: OnStep | None = None,
-) -> Bundle:
-    """Make the whole bundle: mold, verdict, sheets, firmware, driver configuration, report.
-
-    Raises
-    ------
-    DesignError : the design breaks a rule.
-    OutputError : the folder cannot be written.
-    """
-    from optopad.jobs.pipeline import run as make
-
-    return make(design, Path(out), fine=fine, seed=seed, on_step=on_step or silent)
-
-
 def load_model(file: str | PathLike[str]) -> TouchModel:
     """Read a trained model, which `optopad.TouchReader` applies to a sensor's frames.
 
@@ -120,6 +97,7 @@ _LATER = {
     "compare": "optopad.verbs.compare",
     "improve": "optopad.verbs.improve",
     "predict": "optopad.verbs.predict",
+    "run": "optopad.verbs.run",
     "score": "optopad.verbs.score",
     "sweep": "optopad.verbs.sweep",
 }

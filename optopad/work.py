@@ -15,6 +15,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import shlex
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -111,6 +112,11 @@ def read_design(where: str, changes: Sequence[str] | None) -> SensorDesign:
     else:
         design = load_design(path / "design.toml" if (path / "manifest.json").is_file() else path)
     return design.with_(**dict(parsed_change(change) for change in changes)) if changes else design
+
+
+def as_typed(design: str, changes: Sequence[str] | None) -> str:
+    """A design and its changes as typed on the command line."""
+    return " ".join([shlex.quote(design), *(f"--set {shlex.quote(one)}" for one in changes or ())])
 
 
 def parsed_change(text: str, *, option: str = "--set") -> tuple[str, Any]:

@@ -12,7 +12,15 @@ from optopad.design.shape.cavity import cavity_of
 from optopad.design.spec import SensorDesign
 from optopad.screen.figures import summary_words
 from optopad.screen.shown import WIDTH_IN, block, drawn, picture
-from optopad.screen.verdict import checks_line, verdict_screen
+from optopad.screen.verdict import (
+    checks_line,
+    checks_words,
+    labelled,
+    learner_line,
+    row,
+    score_lines,
+    verdict_screen,
+)
 from optopad.screen.verdict_sentences import sentences_of
 from optopad.sims.score.result import ContinuityScore, JudgedPair, KeyFigures
 
@@ -188,6 +196,28 @@ class Bundle:
     def files(self) -> tuple[Path, ...]:
         """Paths of all files in the bundle."""
         return tuple(sorted(path for path in self.folder.rglob("*") if path.is_file()))
+
+    def to_json(self) -> dict[str, Any]:
+        """The data that `optopad run --json` prints."""
+        place = {"bundle": str(self.folder), "checks_ok": self.checks["ok"]}
+        return place | {"score": self.score.to_dict()}
+
+    def screen(self, command: str, *, details: bool) -> list[str]:
+        """The lines that the command line prints; `command` is the design with its changes, as typed."""
+        design, found = self.score.design, self.score.found
+        mold, size = checks_words(self.checks), summary_words(design, found)
+        page = labelled("report", str(self.report))
+        if details:
+            return [*score_lines(found), labelled("size", size), labelled("mold", mold), page]
+        return verdict_screen(
+            design,
+            found,
+            [*row("mold", mold, 2), page],
+            command=command,
+            is_built=True,
+            learner=learner_line(design, self.folder, command),
+            size=size,
+        )
 
     def __repr__(self) -> str:
         return f"{self.folder}\n{self.score!r}\n{checks_line(self.checks)}"

@@ -6,7 +6,6 @@ import json
 import math
 import os
 import re
-import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from textwrap import shorten, wrap
@@ -205,11 +204,6 @@ def _next(score: ContinuityScore, command: str, fix: str, *, is_built: bool) -> 
     if is_built:
         return "open the report, print cad/mold.stl, follow fabrication/casting.md"
     return f"optopad run {command}   (mold, wiring, firmware, report: about a minute)"
-
-
-def as_typed(design: str, changes: Sequence[str] | None) -> str:
-    """A design and its changes as typed on the command line."""
-    return " ".join([shlex.quote(design), *(f"--set {shlex.quote(one)}" for one in changes or ())])
 
 
 LEAST_CHANGE_MM = 0.01

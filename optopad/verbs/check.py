@@ -15,7 +15,7 @@ from optopad.design.spec import SensorDesign
 from optopad.screen.check import Checked
 from optopad.screen.figures import summary_words
 from optopad.screen.output import Told
-from optopad.screen.verdict import as_typed, findings_screen, rate_words
+from optopad.screen.verdict import findings_screen, rate_words
 
 
 def check(design: SensorDesign) -> Checked:
@@ -23,8 +23,8 @@ def check(design: SensorDesign) -> Checked:
     return Checked(design=design, findings=findings_of(design))
 
 
-@verb(has_details=True)
-def check_command(design: SensorDesign, *, asked: Asked) -> Told:
+@verb()
+def check_command(design: SensorDesign, *, details: bool = False, asked: Asked) -> Told:
     """Check whether a design can be made and can work; the exit code is 2 if a finding is an error."""
     findings = by_weight((*_contact_findings(design), *findings_of(design)))
     is_bad = any(finding.severity == "error" for finding in findings)
@@ -33,10 +33,10 @@ def check_command(design: SensorDesign, *, asked: Asked) -> Told:
     lines = findings_screen(
         design.name,
         findings,
-        command=f"score {as_typed(asked.design, asked.changes)}",
+        command=f"score {asked.words}",
         rate="" if is_bad else rate_words(design),
         size="" if is_bad else summary_words(design, None),
-        details=asked.details,
+        details=details,
     )
     return Told(document, lines, 2 if is_bad else 0)
 

@@ -11,7 +11,7 @@ from typing import Any
 import typer
 
 from optopad.cli.options import file_name
-from optopad.cli.verb import Asked, typed, verb
+from optopad.cli.verb import typed, verb
 from optopad.design.errors import DesignError, InputError
 from optopad.design.fields.base import IDENTIFIER_PATTERN
 from optopad.design.fields.validation import PATTERN_WORDS
@@ -130,7 +130,7 @@ def new(
     manufacturer: str | None = None,
     title: str | None = None,
     out: Path | None = None,
-    asked: Asked,
+    as_json: bool = False,
 ) -> Told:
     """Write the catalogue entry of an LED or a photodiode from its data sheet.
 
@@ -160,7 +160,7 @@ def new(
     words = dict(locals())
     given: Given = {word.replace("_", "-"): words[word] for word in SHEET}
     _require_identifier(name)
-    given, prompted = _completed(given, may_prompt=not asked.as_json)
+    given, prompted = _completed(given, may_prompt=not as_json)
     while True:
         try:
             entry = part_entry(_sheet(name, given))

@@ -12,7 +12,7 @@ from optopad.jobs.pipeline import write_score
 from optopad.screen.figures import summary_words
 from optopad.screen.output import Told, foretell_score
 from optopad.screen.score import Score
-from optopad.screen.verdict import as_typed, labelled, learner_line, score_lines, verdict_screen
+from optopad.screen.verdict import labelled, learner_line, score_lines, verdict_screen
 from optopad.sims.score import scoring
 from optopad.sims.score.build_tolerance import DEFAULT_BUILDS
 from optopad.sims.verdict.builds import FEWEST_BUILDS, MOST_BUILDS
@@ -43,7 +43,7 @@ def score(
     return Score(design=design, found=found)
 
 
-@verb(has_details=True)
+@verb()
 def score_command(
     design: SensorDesign,
     *,
@@ -53,6 +53,8 @@ def score_command(
     builds: int | None = None,
     out: Path = Path(OUT),
     seed: int = 0,
+    details: bool = False,
+    as_json: bool = False,
     on_step: OnStep,
     asked: Asked,
 ) -> Told:
@@ -65,15 +67,15 @@ def score_command(
     builds : Units of the Monte Carlo of --tolerance (200 if left out).
     """
     drawn = _drawn_builds(tolerance, builds)
-    foretell_score(design, fine=fine, full=full, quiet=asked.as_json)
+    foretell_score(design, fine=fine, full=full, quiet=as_json)
     found, folder = write_score(design, out, fine=fine, full=full, seed=seed, on_step=on_step, builds=drawn)
-    typed, files = as_typed(asked.design, asked.changes), labelled("files", str(folder))
+    files = labelled("files", str(folder))
     size = summary_words(design, found)
-    if asked.details:
+    if details:
         lines = [*score_lines(found), labelled("size", size), files]
     else:
-        learner = learner_line(design, folder, typed)
-        lines = verdict_screen(design, found, [files], command=typed, learner=learner, size=size)
+        learner = learner_line(design, folder, asked.words)
+        lines = verdict_screen(design, found, [files], command=asked.words, learner=learner, size=size)
     return Told(found.to_json(), lines)
 
 

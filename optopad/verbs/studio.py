@@ -32,6 +32,7 @@ def studio(
     no_open: bool = False,
     out: Path = Path(OUT),
     seed: int = 0,
+    as_json: bool = False,
     asked: Asked,
 ) -> None:
     """Edit a design live in a browser: drag parts, press the pad, see the verdict. Ctrl-C ends it.
@@ -59,7 +60,7 @@ def studio(
     page = Page(session, out=out, port=page_port, seed=seed, live=live)
     try:
         page.start()
-        if asked.as_json:
+        if as_json:
             print_json({"url": page.url, "design": session.design.name, "digest": session.design.digest})
         else:
             say(f"studio    {page.url}")

@@ -12,7 +12,7 @@ import numpy as np
 
 from optopad.cli.interrupts import answered
 from optopad.cli.options import file_name, parsed_press
-from optopad.cli.verb import Asked, typed, verb
+from optopad.cli.verb import typed, verb
 from optopad.design.errors import DeviceError, InputError, OutputError
 from optopad.design.press_protocol import load_protocol_file
 from optopad.design.recordings import SetEntry
@@ -61,7 +61,7 @@ def collect(
     set_: Sequence[str] = (),
     bundles: Path = Path(OUT),
     seed: int = 0,
-    asked: Asked,
+    as_json: bool = False,
 ) -> Told:
     """Press the pad unattended and record the frames of each press; the same command continues an interrupted run.
 
@@ -108,11 +108,11 @@ def collect(
             raise InputError(
                 f"--tip-at: {out} has presses already, and the tip may have moved since: {STANDS}"
             )
-        ask = _light(collector, numbers, asked.as_json)
+        ask = _light(collector, numbers, as_json)
         begun = time.monotonic()
         there = len(presses.presses) - len(collector.remaining())
         with _failures_that_tell_the_place(stage, collector):
-            _pressed(stage, collector, numbers, stand, home, ask, quiet=asked.as_json)
+            _pressed(stage, collector, numbers, stand, home, ask, quiet=as_json)
         found = collector.finish(len(presses.presses) - len(collector.remaining()) - there)
     return _told(found, stage.left_at, time.monotonic() - begun)
 

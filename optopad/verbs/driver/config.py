@@ -12,7 +12,6 @@ from optopad.fabrication.sheets.bom import SET_BY_GAIN
 from optopad.fabrication.sheets.prices import bill_sum, held_against, parsed_budget, read_prices, unused_words
 from optopad.jobs.pipeline import write_driver_config
 from optopad.screen.output import Told
-from optopad.screen.verdict import as_typed
 from optopad.work import OUT
 
 
@@ -56,7 +55,7 @@ def config(
     if held is not None:
         lines.append(f"budget    {held.words}")
     if bill["rows_set_by_gain"]:
-        words = as_typed(asked.design, asked.changes)
+        words = asked.words
         words += "" if out == Path(OUT) else f" --out {shlex.quote(str(out))}"
         lines.append(
             f"open      amplifier and feedback follow from the gain: optopad run {words}, then this command again"

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from optopad.cli.options import checked_out, file_name, named, parsed_offset
-from optopad.cli.verb import Asked, typed, verb
+from optopad.cli.verb import typed, verb
 from optopad.design.errors import InputError
 from optopad.design.progress import OnStep
 from optopad.fabrication.driver.recording.export import read_recorded, write_export
@@ -47,7 +47,7 @@ def export(
     fps: float = 30.0,
     take: str = "mean",
     task: Sequence[str] = (),
-    asked: Asked,
+    as_json: bool = False,
 ) -> Told:
     """Export the whole frames of a recording: netCDF or CSV for `compare` and `train`, MCAP, or LeRobot.
 
@@ -92,7 +92,7 @@ def export(
         told.append((recording, document, lines))
         return found
 
-    with progress(quiet=asked.as_json or not sys.stderr.isatty()) as step:
+    with progress(quiet=as_json or not sys.stderr.isatty()) as step:
         if lerobot is not None:
             sources = (
                 Source(recorded=read_one(recording, step), task=text, name=str(recording))

@@ -9,7 +9,7 @@ from contextlib import nullcontext
 from pathlib import Path
 
 from optopad.cli.options import checked_out, file_name
-from optopad.cli.verb import Asked, typed, verb
+from optopad.cli.verb import typed, verb
 from optopad.design.errors import InputError
 from optopad.design.io import write_text_atomically
 from optopad.fabrication.driver.simulated.board import FakeBoard
@@ -20,9 +20,8 @@ from optopad.fabrication.driver.simulated.press_table import PressTable
 from optopad.fabrication.driver_file import DriverConfig
 from optopad.fabrication.stage.fake_printer import FakePrinter, TipFinger
 from optopad.screen.output import print_json, progress, say
-from optopad.screen.verdict import as_typed
 from optopad.sensor import driver_source, press_table
-from optopad.work import OUT
+from optopad.work import OUT, as_typed
 
 
 @verb(
@@ -46,7 +45,7 @@ def fake(
     set_: Sequence[str] = (),
     bundles: Path = Path(OUT),
     seed: int = 0,
-    asked: Asked,
+    as_json: bool = False,
 ) -> None:
     """Start a simulated board on a port, with simulated signals of a moving finger. Ctrl-C ends it.
 
@@ -67,14 +66,14 @@ def fake(
         read_path(path)  # refuses the file before the light is simulated
     source = driver_source(config, set_, bundles)
     faults = faults_of(source.config, fault)
-    with progress(quiet=asked.as_json) as step:
+    with progress(quiet=as_json) as step:
         is_still = still and stage_link is None
         said, table = press_table(source, is_still=is_still, seed=seed, on_step=step)
     printer = None if stage_link is None else _printer(said, table, path, out, still)
     finger: Finger = TipFinger(printer) if printer else _path(said, table, path, still, out)
     board = FakeBoard(said, table, finger, faults=faults, seed=seed)
     wire, stage = _ports(printer, use_socket=socket, link=link, stage_link=stage_link)
-    if asked.as_json:
+    if as_json:
         document = {"port": wire.name, "design": said.design, "digest": said.digest, "faults": list(fault)}
         print_json(document | ({} if stage is None else {"stage_port": stage.name}))
     else:

@@ -6,7 +6,7 @@ import shlex
 import sys
 from pathlib import Path
 
-from optopad.cli.verb import Asked, typed, verb
+from optopad.cli.verb import typed, verb
 from optopad.design.errors import DeviceError, InputError
 from optopad.design.files import read_bytes
 from optopad.design.parts.board_firmware import ArduinoProgram, BoardFirmware
@@ -46,7 +46,7 @@ def flash(
     patience: float | None = None,
     out: Path = Path(OUT),
     seed: int = 0,
-    asked: Asked,
+    as_json: bool = False,
 ) -> Told:
     """Upload the firmware of a design to its board, with avrdude or arduino-cli; a port where a printer replies is
     refused.
@@ -70,7 +70,7 @@ def flash(
     if not dry_run:
         require_uploader(chip, file)
     found = (
-        _found_port(board, is_agreed=yes or dry_run, may_ask=not asked.as_json)
+        _found_port(board, is_agreed=yes or dry_run, may_ask=not as_json)
         if port is None
         else port_of_serial(port)
     )

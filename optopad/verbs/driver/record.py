@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from optopad.cli.options import file_name
-from optopad.cli.verb import Asked, typed, verb
+from optopad.cli.verb import typed, verb
 from optopad.design.errors import DeviceError, InputError
 from optopad.fabrication.driver.recording.export import can_export, read_recorded, write_netcdf
 from optopad.fabrication.driver.recording.raw import SUFFIX
@@ -37,7 +37,7 @@ def record(
     netcdf: bool = True,
     set_: Sequence[str] = (),
     bundles: Path = Path(OUT),
-    asked: Asked,
+    as_json: bool = False,
 ) -> Told:
     """Record raw frames into a file that stays readable after any interruption. Ctrl-C ends the recording.
 
@@ -66,7 +66,7 @@ def record(
         try:
             with until_interrupted():
                 enough = frames or math.inf
-                follow(sensor, None, seconds, quiet=asked.as_json, is_over=lambda: recorder.frames >= enough)
+                follow(sensor, None, seconds, quiet=as_json, is_over=lambda: recorder.frames >= enough)
         except DeviceError as err:
             raise DeviceError(f"{err}; {file} has the {recorder.frames} frames before") from err
         recorder.close()

@@ -13,13 +13,13 @@ from optopad.report.words import bounds_words
 from optopad.screen.verdict import (
     LINES,
     WIDTH,
-    as_typed,
     bound_lines,
     findings_screen,
     verdict_screen,
 )
 from optopad.screen.verdict_sentences import sentences_of
 from optopad.sims.verdict.causes import Cause, Witness
+from optopad.work import as_typed
 from tests.design.for_each import for_each
 from tests.said import says
 from tests.sims.made_up_bounds import made_up_bounds
