@@ -48,7 +48,7 @@ FLOORS: dict[str, tuple[str, ...]] = {
         *("learning", "plots"),
     ),
     "sims/contact": ("wedge", "walls", "library", "indentation", "pad_surface"),
-    "sims/optics": ("scene", "surface", "oracle", "engine", "tracing"),
+    "sims/optics": ("scene", "surface", "engine", "paths", "tracing"),
     "sims/optics/engine": (
         "straight",
         "mirrored",

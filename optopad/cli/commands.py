@@ -51,7 +51,7 @@ GROUPS: dict[str, dict[str, str]] = {
 }
 """Commands by group, and their lines in the help."""
 BELOW = {
-    "contact": ("The contact model: press, surface, force.", "show build"),
+    "contact": ("The contact model: press, surface, force.", "show"),
     "driver": (
         "The built sensor: its configuration, firmware, readings.",
         "config firmware flash read record check export collect fake ros2",

@@ -28,8 +28,9 @@ from typing import Annotated, Any, TypeVar
 import typer
 
 from optopad.cli.options import SHARED, typed
+from optopad.screen.answer import as_typed
 from optopad.screen.output import print_json, progress, say
-from optopad.work import as_typed, read_design
+from optopad.work import read_design
 
 __all__ = ["Asked", "command_of", "typed", "verb"]
 

@@ -8,7 +8,7 @@ from textwrap import shorten
 
 from optopad.design.part_entry import PartEntry
 from optopad.design.parts.listing import Listed
-from optopad.screen.verdict import row
+from optopad.screen.answer import row
 
 SOURCE = 60
 """Longest source in the overview of the whole catalogue [characters]."""

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from optopad.design.fields.finding import Finding
 from optopad.design.spec import SensorDesign
+from optopad.screen.answer import counted
 from optopad.screen.shown import block, table
-from optopad.screen.verdict_sentences import counted
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

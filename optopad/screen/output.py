@@ -6,7 +6,6 @@ Progress is a live bar on a terminal, otherwise one line per step of the computa
 from __future__ import annotations
 
 import json
-import os
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -75,7 +74,7 @@ def foretell_score(
     """
     from optopad.design.rules.check import require_valid
     from optopad.sims.contact.indentation import require_covered
-    from optopad.sims.score.scoring import score_cost
+    from optopad.sims.score.cost import score_sentence
 
     require_valid(design)
     if quiet:
@@ -84,8 +83,7 @@ def foretell_score(
         require_covered(design)
     except ModelScopeError:
         return  # it ends at once
-    cost = score_cost(design, fine=fine, full=full, is_run=is_run)
-    if said := cost.sentence(os.cpu_count() or 1):
+    if said := score_sentence(design, fine=fine, full=full, is_run=is_run):
         print(said, file=sys.stderr, flush=True)
 
 

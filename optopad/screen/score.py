@@ -1,10 +1,9 @@
-"""Results of one design: a score with figures, maps and plots, and the bundle of a run."""
+"""The result of a score: the verdict on a design, with figures, maps and plots."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from optopad.design.errors import InputError
@@ -12,15 +11,7 @@ from optopad.design.shape.cavity import cavity_of
 from optopad.design.spec import SensorDesign
 from optopad.screen.figures import summary_words
 from optopad.screen.shown import WIDTH_IN, block, drawn, picture
-from optopad.screen.verdict import (
-    checks_line,
-    checks_words,
-    labelled,
-    learner_line,
-    row,
-    score_lines,
-    verdict_screen,
-)
+from optopad.screen.verdict import verdict_screen
 from optopad.screen.verdict_sentences import sentences_of
 from optopad.sims.score.result import ContinuityScore, JudgedPair, KeyFigures
 
@@ -165,62 +156,3 @@ class Score(KeyFigures):
         if self.found.pad_map is None or not self.found.pairs:
             raise InputError(f"{self.design.name}: nothing was computed, {self.reason or 'a verdict only'}")
         return self.found
-
-
-@dataclass(frozen=True, kw_only=True, repr=False)
-class Bundle:
-    """The bundle of a design: mold, verdict, sheets, firmware, driver configuration, report.
-
-    Attributes
-    ----------
-    folder : path of the bundle
-    score : the verdict
-    checks : results of the mold's checks, as in `cad/checks.json`
-    """
-
-    folder: Path
-    score: Score
-    checks: dict[str, Any]
-
-    @property
-    def report(self) -> Path:
-        """Path of the report page with all results."""
-        return self.folder / "report.html"
-
-    @property
-    def driver(self) -> Path:
-        """Path of the driver configuration, which `optopad.fabrication.driver.Sensor` reads."""
-        return self.folder / "fabrication" / "driver.toml"
-
-    @property
-    def files(self) -> tuple[Path, ...]:
-        """Paths of all files in the bundle."""
-        return tuple(sorted(path for path in self.folder.rglob("*") if path.is_file()))
-
-    def to_json(self) -> dict[str, Any]:
-        """The data that `optopad run --json` prints."""
-        place = {"bundle": str(self.folder), "checks_ok": self.checks["ok"]}
-        return place | {"score": self.score.to_dict()}
-
-    def screen(self, command: str, *, details: bool) -> list[str]:
-        """The lines that the command line prints; `command` is the design with its changes, as typed."""
-        design, found = self.score.design, self.score.found
-        mold, size = checks_words(self.checks), summary_words(design, found)
-        page = labelled("report", str(self.report))
-        if details:
-            return [*score_lines(found), labelled("size", size), labelled("mold", mold), page]
-        return verdict_screen(
-            design,
-            found,
-            [*row("mold", mold, 2), page],
-            command=command,
-            is_built=True,
-            learner=learner_line(design, self.folder, command),
-            size=size,
-        )
-
-    def __repr__(self) -> str:
-        return f"{self.folder}\n{self.score!r}\n{checks_line(self.checks)}"
-
-    def _repr_html_(self) -> str:
-        return block(str(self.folder), (checks_line(self.checks),), self.score._repr_html_())

@@ -7,18 +7,12 @@ from typing import Any
 
 
 def signal_lines(summary: dict[str, Any]) -> Iterator[str]:
-    """Light of each press by path class, and the comparison with the ray tracer."""
+    """Light of each press by path class."""
     for state in summary["states"]:
         x_mm, y_mm, depth_mm = state["press_mm"]
         shares = "  ".join(f"{name} {value:.3e}" for name, value in state["mean_flux_by_class"].items())
         yield (
             f"press {x_mm:6.2f} {y_mm:6.2f}  depth {depth_mm:5.2f} mm  mean flux {state['mean_flux']:.4e}  {shares}"
-        )
-    if summary["oracle"] is not None:
-        found = summary["oracle"]
-        yield (
-            f"ray tracer: {found['rays']} rays an emitter; chi-square {found['chi_square']:.1f} over "
-            f"{found['compared']} pairs and states; largest difference {found['largest_z']:.1f} standard errors"
         )
 
 

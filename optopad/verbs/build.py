@@ -12,8 +12,9 @@ from optopad.design.shape.cavity import plan_of
 from optopad.design.spec import SensorDesign
 from optopad.fabrication.sheets.silicone import pours
 from optopad.jobs.pipeline import write_parts
+from optopad.screen.answer import checks_line
 from optopad.screen.output import Told
-from optopad.screen.verdict import checks_line, finding_line
+from optopad.screen.verdict import finding_line
 from optopad.work import OUT
 
 

@@ -1,9 +1,7 @@
-"""One centred press: surface, load, pressure, and the load over a protocol; and the library of solved presses."""
+"""One centred press: surface, load, pressure, and the load over a protocol."""
 
 from __future__ import annotations
 
-import os
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from optopad.cli.options import file_name, require_folder
+from optopad.cli.options import require_folder
 from optopad.cli.verb import typed, verb
 from optopad.design.arrays import FloatArray
 from optopad.design.errors import InputError
@@ -26,7 +24,6 @@ from optopad.report.sections.published import LoadComparison, compared, publishe
 from optopad.screen.output import Told
 from optopad.sims.contact.force_curve import ForceCurve, force_curve
 from optopad.sims.contact.indentation import indent, solved_press
-from optopad.sims.contact.library.profile_library import library_differences, shipped_library
 from optopad.sims.contact.load_protocol import LoadHistory, load_history, solid_of
 from optopad.sims.contact.pad_surface import contact_notes
 from optopad.sims.contact.pressure import ContactPressure, contact_pressure
@@ -120,38 +117,6 @@ def show(
     files = [] if out is None else write_pictures(view, out, seed=seed)
     where = [f"files     {files[0].parent}/contact-*"] if files else []
     return Told(view_json(view) | {"files": [str(file) for file in files]}, [*view_lines(view), *where])
-
-
-@verb(out=typed("FILE", callback=file_name(".npz")), workers=typed(min=1, max=256))
-def build(
-    *, out: Path = Path("outputs/contact/profiles.npz"), workers: int | None = None, as_json: bool = False
-) -> Told:
-    """Solve the library of presses again (two hours or more on two cores); an interrupted run continues.
-
-    Parameters
-    ----------
-    out : File of the library (.npz).
-    workers : Number of processes; default: one per processor.
-    """
-    from optopad.sims.contact.library.build import build_library, require_writable, write_library
-
-    require_writable(out)
-
-    def tell(done: int, total: int) -> None:
-        if not as_json:
-            print(f"solved    {done} of {total}", file=sys.stderr)
-
-    library = build_library(workers or os.cpu_count() or 1, tell)
-    write_library(library, out)
-    force, surface = library_differences(library, shipped_library())
-    return Told(
-        {"file": str(out), "force_difference": force, "surface_difference_tip_radii": surface},
-        [
-            f"file      {out}",
-            f"difference from the shipped library: force within {100 * force:.2g} %, surface within "
-            f"{surface:.2g} tip radii",
-        ],
-    )
 
 
 def view_press(

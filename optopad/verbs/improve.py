@@ -15,7 +15,7 @@ figures that are shown are those of the score. If no design is better, the best 
 The error of quick light mostly has the same sign for similar designs. The median by which quick light overrates the
 margin in the scored designs is therefore subtracted for the others; near a scored design, its own difference.
 
-The budget is counted in processor time as it usually is (`optopad.sims.score.scoring.score_cost`), not as it was
+The budget is counted in processor time as it usually is (`optopad.sims.score.cost.score_cost`), not as it was
 measured: the same seed gives the same designs on every machine.
 """
 
@@ -79,6 +79,7 @@ from optopad.screen.score import Score
 from optopad.screen.search import Search
 from optopad.sims.readings.readout import most_target_counts
 from optopad.sims.score.build_tolerance import with_tolerance
+from optopad.sims.score.cost import score_cost
 from optopad.sims.score.field_steps import with_field_steps
 from optopad.sims.score.judge import Judge
 from optopad.sims.score.objective import (
@@ -89,7 +90,7 @@ from optopad.sims.score.objective import (
     with_bounds,
 )
 from optopad.sims.score.result import ContinuityScore
-from optopad.sims.score.scoring import score_cost, verdict_of
+from optopad.sims.score.scoring import verdict_of
 from optopad.sims.score.smallest_mold import least_rim, smallest_mold
 from optopad.sims.verdict.depth_curve import DEADBAND_THRESHOLD
 from optopad.verbs.explore import search
@@ -293,13 +294,12 @@ class Costs:
     @classmethod
     def of(cls, design: SensorDesign, budget_min: float | None, aim: str | None) -> Costs:
         """The costs of a design's improvement; equal on all machines."""
-        stages = score_cost(design, fine=False, full=False).stages_s
-        facing = is_facing_rows(cavity_of(design))
+        stages = score_cost(design)
         return cls(
             budget_s=_budget_s(design, budget_min),
             trial_s=_trial_s(design) * (BOUNDS_FACTOR if aim in BOUND_AIMS else 1.0),
-            verdict_s=SCORE_S + stages["untouched"] + stages["pairs" if facing else "map"],
-            bounds_s=stages["map" if facing else "bounds"],
+            verdict_s=SCORE_S + stages["untouched"] + stages["map"],
+            bounds_s=stages["bounds"],
             tolerance_s=0.5 * stages["builds"],
         )
 

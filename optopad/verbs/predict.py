@@ -18,13 +18,12 @@ import numpy as np
 
 from optopad.cli.verb import Asked, typed, verb
 from optopad.design.errors import InputError
-from optopad.design.press_protocol import PressProtocol, load_protocol_file
+from optopad.design.press_protocol import QUICK_PROTOCOL, PressProtocol, load_protocol_file
 from optopad.design.progress import OnStep, silent
 from optopad.design.rules.check import require_valid
 from optopad.design.shape.cavity import workspace_of
 from optopad.design.spec import SensorDesign
 from optopad.fabrication.bundle import bundle, bundle_name
-from optopad.prediction_cost import QUICK_PROTOCOL, STEM
 from optopad.screen.prediction import ModelAccuracy, PredictedAccuracy, Prediction, accuracy_of
 from optopad.sims.learning.chain_bounds import bounds_by_depth
 from optopad.sims.learning.inference.model_file import save_model
@@ -137,7 +136,7 @@ def predict(
         bound_mm={} if effort.is_coarse else bound_mm(design, curves, seed, step),
     )
     with bundle(design, Path(out), seed=seed) as folder:
-        write_accuracy(found, workspace_of(design), folder / "sims", STEM)
+        write_accuracy(found, workspace_of(design), folder / "sims", "prediction")
         for name, model in models.items():
             (folder / "sims" / "models").mkdir(exist_ok=True)
             save_model(folder / "sims" / "models" / f"{name}.optomodel", model)

@@ -22,7 +22,7 @@ from optopad.fabrication.bundle import bundle, bundle_name
 from optopad.jobs.signals import require_presses
 from optopad.screen.output import Told
 from optopad.sims.contact.indentation import solved_press
-from optopad.sims.optics.oracle.paths import LightPath
+from optopad.sims.optics.paths import LightPath
 from optopad.sims.plots.ray_sheet import ray_sheet
 from optopad.sims.plots.rays import Cut, cut_across, cut_of_pair, cut_through
 from optopad.sims.plots.style import plain_style

@@ -9,10 +9,9 @@ from optopad.design.errors import InputError
 from optopad.design.progress import OnStep
 from optopad.design.spec import SensorDesign
 from optopad.jobs.pipeline import write_score
-from optopad.screen.figures import summary_words
+from optopad.screen.answer import Answer, labelled, learner_words
 from optopad.screen.output import Told, foretell_score
 from optopad.screen.score import Score
-from optopad.screen.verdict import labelled, learner_line, score_lines, verdict_screen
 from optopad.sims.score import scoring
 from optopad.sims.score.build_tolerance import DEFAULT_BUILDS
 from optopad.sims.verdict.builds import FEWEST_BUILDS, MOST_BUILDS
@@ -69,13 +68,12 @@ def score_command(
     drawn = _drawn_builds(tolerance, builds)
     foretell_score(design, fine=fine, full=full, quiet=as_json)
     found, folder = write_score(design, out, fine=fine, full=full, seed=seed, on_step=on_step, builds=drawn)
-    files = labelled("files", str(folder))
-    size = summary_words(design, found)
+    answer, files = Answer.read(folder / "sims" / "answer.json"), labelled("files", str(folder))
     if details:
-        lines = [*score_lines(found), labelled("size", size), files]
+        lines = [*answer.details, labelled("size", answer.size), files]
     else:
-        learner = learner_line(design, folder, asked.words)
-        lines = verdict_screen(design, found, [files], command=asked.words, learner=learner, size=size)
+        learner = learner_words(folder, design.digest)
+        lines = answer.lines([files], command=asked.words, learner=learner)
     return Told(found.to_json(), lines)
 
 

@@ -16,7 +16,7 @@ from optopad.design.press_protocol import PressProtocol, load_protocol_file
 from optopad.design.progress import OnStep
 from optopad.design.rules.check import require_valid
 from optopad.design.spec import SensorDesign
-from optopad.fabrication.bundle import bundle, bundle_name
+from optopad.fabrication.bundle import bundle, bundle_name, program_digest
 from optopad.jobs.pipeline import write_signals
 from optopad.screen.output import Told
 from optopad.screen.simulation import data_lines, signal_lines
@@ -24,18 +24,14 @@ from optopad.sims.readings.data_writer import DataWriter
 from optopad.sims.readings.dataset import clipped_note, read_data
 from optopad.sims.readings.protocol import data_header, drawn_presses, protocol_curves
 from optopad.sims.readings.signal_chain import chain_of
-from optopad.work import OUT, source_digest
-
-ORACLE_RAYS = 1_000_000
+from optopad.work import OUT
 
 
-@verb(press=typed("X,Y,DEPTH"), rays=typed(min=1000), protocol=typed("NAME|FILE"), set_before="out")
+@verb(press=typed("X,Y,DEPTH"), protocol=typed("NAME|FILE"), set_before="out")
 def simulate(
     design: SensorDesign,
     *,
     press: Sequence[str] = (),
-    oracle: bool = False,
-    rays: int | None = None,
     protocol: str | None = None,
     fit: bool = False,
     out: Path = Path(OUT),
@@ -47,34 +43,20 @@ def simulate(
     Parameters
     ----------
     press : A press [mm]; repeatable. Default: centre, all depths.
-    oracle : Also trace with the plain ray tracer and compare.
-    rays : Rays per emitter and state of --oracle's ray tracer (1000000 if left out).
     protocol : Press by a protocol and make its data set: piacenza2017, piacenza2017-quick, or a file.
     fit : With --protocol: leave out depths beyond the design's range.
     """
     if protocol is not None:
-        for name, value in {"press": press, "oracle": oracle, "rays": rays}.items():
-            if value:
-                raise InputError(
-                    f"--{name}: does not go with --protocol, which has presses of its own; drop one"
-                )
+        if press:
+            raise InputError("--press: does not go with --protocol, which has presses of its own; drop one")
         asked = load_protocol_file(protocol)
         made = _protocol_data(design, asked.fitted_to(design) if fit else asked, out, seed, on_step)
         return Told(made, data_lines(made))
     if fit:
         raise InputError("--fit: needs --protocol, whose depths it fits; drop it")
-    oracle_rays = _oracle_rays(oracle, rays)
     presses = [parsed_press(text) for text in press]
-    made, folder = write_signals(design, presses, out, oracle_rays=oracle_rays, seed=seed, on_step=on_step)
+    made, folder = write_signals(design, presses, out, seed=seed, on_step=on_step)
     return Told(made, [*signal_lines(made), f"files     {folder}"])
-
-
-def _oracle_rays(oracle: bool, rays: int | None) -> int | None:
-    if not oracle:
-        if rays is not None:
-            raise InputError(f"--rays: {rays} needs --oracle, which traces them; add it, or drop --rays")
-        return None
-    return ORACLE_RAYS if rays is None else rays
 
 
 def _protocol_data(
@@ -98,7 +80,7 @@ def _protocol_data(
     with bundle(design, out, seed=seed) as folder:
         (folder / "sims").mkdir(exist_ok=True)
         file = folder / "sims" / f"data-{protocol.name}-{seed}.nc"
-        with DataWriter(file, header, asked=[seed, source_digest()], journal_folder=out) as writer:
+        with DataWriter(file, header, asked=[seed, program_digest()], journal_folder=out) as writer:
             taken_up, total = len(writer.done), sum(counted["presses"])
             for press in drawn_presses(curves, chain, seed=seed, but=writer.done):
                 writer.add(press)

@@ -19,9 +19,10 @@ from optopad.fabrication.driver.simulated.port import FakePort, Wire, new_wire, 
 from optopad.fabrication.driver.simulated.press_table import PressTable
 from optopad.fabrication.driver_file import DriverConfig
 from optopad.fabrication.stage.fake_printer import FakePrinter, TipFinger
+from optopad.screen.answer import as_typed
 from optopad.screen.output import print_json, progress, say
 from optopad.sensor import driver_source, press_table
-from optopad.work import OUT, as_typed
+from optopad.work import OUT
 
 
 @verb(

@@ -87,6 +87,18 @@ def test_config_leaves_driver_file_wiring_and_parts_in_the_bundle(capsys):
     assert held["rows_without_price"] == bill["rows"] > bill["rows_set_by_gain"] == 3
     made = {path.name for path in FOLDER.parent.iterdir()}
     assert {"driver.toml", "wiring.csv", "bom.csv"} <= made
+    assert "14.1 g when printed solid" in (FOLDER.parent / "bom.csv").read_text(encoding="utf-8")
+
+
+def test_config_takes_the_mold_s_weight_from_its_checks_where_the_mold_is_made(capsys):
+    checks = FOLDER.parents[1] / "cad" / "checks.json"
+    checks.parent.mkdir(parents=True)
+    checks.write_text(json.dumps({"volumes_mm3": {"mold": {"solid": 10_000.0}}}), encoding="utf-8")
+    assert main(["driver", "config", DESIGN]) == 0
+    assert "10.4 g when printed solid" in (FOLDER.parent / "bom.csv").read_text(encoding="utf-8")
+    checks.write_text("{", encoding="utf-8")
+    assert main(["driver", "config", DESIGN]) == 0
+    assert "14.1 g when printed solid" in (FOLDER.parent / "bom.csv").read_text(encoding="utf-8")
 
 
 @needs_compiler

@@ -117,7 +117,6 @@ def test_a_run_stopped_before_the_bundle_is_in_its_place_loses_no_press(
     [
         (["--protocol", "piacenza2071"], "piacenza2017"),
         (["--protocol", "small.toml", "--press", "16,16,1"], "--press ... --protocol"),
-        (["--protocol", "small.toml", "--oracle"], "--oracle ... --protocol"),
         (["--fit"], "--fit: needs --protocol"),
         (["--protocol", "small.toml", "--set", "operating.max_depth_mm=1"], "2 mm, the ... for 1"),
         (
