@@ -16,21 +16,21 @@ Parts, each importing only earlier ones: work, screen, report, jobs, sensor. Ent
 
 from optopad.api import __getattr__ as __getattr__
 from optopad.api import (
-    check,
     load,
     load_model,
     presets,
     read_recording,
-    run,
     save,
-    score,
 )
 
 TYPE_CHECKING = False  # as in typing, which takes a while to load
 if TYPE_CHECKING:
+    from optopad.verbs.check import check as check
     from optopad.verbs.compare import compare as compare
     from optopad.verbs.improve import improve as improve
     from optopad.verbs.predict import predict as predict
+    from optopad.verbs.run import run as run
+    from optopad.verbs.score import score as score
     from optopad.verbs.sweep import sweep as sweep
 
 __version__ = "0.2.0"

@@ -12,13 +12,9 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from optopad.design.progress import OnStep, silent
-
 if TYPE_CHECKING:
     from optopad.design.spec import SensorDesign
     from optopad.fabrication.driver.recording.recorded import Recorded
-    from optopad.screen.bundle import Bundle
-    from optopad.screen.score import Checked, Score
     from optopad.sims.learning.inference.touch_model import TouchModel
 
 OUT = "outputs"
@@ -62,68 +58,6 @@ def save(design: SensorDesign, file: str | PathLike[str]) -> Path:
     return Path(file)
 
 
-def check(design: SensorDesign) -> Checked:
-    """Check a design against the design rules: whether the pad can be manufactured and its verdict computed.
-
-    The findings are those of `optopad check`.
-    """
-    from optopad.design.rules.check import check as findings_of
-    from optopad.screen.score import Checked
-
-    return Checked(design=design, findings=findings_of(design))
-
-
-def score(
-    design: SensorDesign,
-    *,
-    fine: bool = False,
-    full: bool = False,
-    seed: int = 0,
-    on_step: OnStep | None = None,
-) -> Score:
-    """Compute the verdict on a design, with its figures, maps and plots.
-
-    Parameters
-    ----------
-    full : whether to compute the map at 11 locations along the longer side and in depth steps of 0.1 mm
-    fine : whether to compute the map as with `full`, and also with finer settings of the light model
-    seed : seed of the random shifts of the light model
-
-    Raises
-    ------
-    DesignError : the design breaks a rule; `check` lists them.
-    """
-    from optopad.screen.score import Score
-    from optopad.sims.score.scoring import score as judge
-
-    return Score(design=design, found=judge(design, fine=fine, full=full, seed=seed, on_step=on_step))
-
-
-def run(
-    design: SensorDesign,
-    *,
-    fine: bool = False,
-    seed: int = 0,
-    force: bool = False,
-    out: str | PathLike[str] = OUT,
-    on_step: OnStep | None = None,
-) -> Bundle:
-    """Make the whole bundle: mold, verdict, sheets, firmware, driver configuration, report.
-
-    Parameters
-    ----------
-    force : whether to make parts again that the bundle has from the same inputs
-
-    Raises
-    ------
-    DesignError : the design breaks a rule.
-    OutputError : the folder cannot be written.
-    """
-    from optopad.jobs.pipeline import run as make
-
-    return make(design, Path(out), fine=fine, seed=seed, force=force, on_step=on_step or silent)
-
-
 def load_model(file: str | PathLike[str]) -> TouchModel:
     """Read a trained model, which `optopad.TouchReader` applies to a sensor's frames.
 
@@ -157,11 +91,14 @@ def read_recording(
 
 _LATER = {
     "Observations": "optopad.fabrication.driver.observations",
-    "Sensor": "optopad.sensor.driver_view",
+    "Sensor": "optopad.sensor",
     "TouchReader": "optopad.fabrication.driver.touch_reader",
+    "check": "optopad.verbs.check",
     "compare": "optopad.verbs.compare",
     "improve": "optopad.verbs.improve",
     "predict": "optopad.verbs.predict",
+    "run": "optopad.verbs.run",
+    "score": "optopad.verbs.score",
     "sweep": "optopad.verbs.sweep",
 }
 """Names of `import optopad` that are imported when first used, and their modules."""

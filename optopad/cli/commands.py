@@ -99,32 +99,10 @@ class Commands(Mapping[str, Any]):
         return len(self.names)
 
 
-OLD = {
-    "physics": "score simulate rays",
-    "design": "new check schema build studio",
-    "job": "run report",
-    "parts": "parts",
-    "rest": "doctor",
-}
-OLD_BELOW = {
-    "contact show": "physics",
-    "part new": "parts",
-    "driver config": "rest",
-    "driver firmware": "firmware",
-    "driver flash": "firmware",
-    "driver collect": "collect",
-    **{f"driver {name}": "sensor" for name in ("read", "record", "check", "export", "fake", "ros2")},
-}
-
-
 def _command(above: str, name: str) -> Any:
-    old = {one: module for module, names in OLD.items() for one in names.split()} | OLD_BELOW
-    if (module := old.get(f"{above} {name}".strip())) is not None:
-        function = getattr(import_module(f"optopad.cli.{module}"), name)
-    else:
-        module = {"": name, "driver": f"driver.{name}"}.get(above, above)
-        found = import_module(f"optopad.verbs.{module}")
-        function = command_of(getattr(found, f"{name}_command", None) or getattr(found, name))
+    module = {"": name, "driver": f"driver.{name}"}.get(above, above)
+    found = import_module(f"optopad.verbs.{module}")
+    function = command_of(getattr(found, f"{name}_command", None) or getattr(found, name))
     app = typer.Typer(**SETTINGS)
     app.command(name, short_help=SHORT.get(f"{above} {name}"))(function)
     return typer.main.get_command(app)

@@ -9,7 +9,7 @@ the annotation does not: metavar, limits, checks. Some parameters are filled in:
 
 - a `SensorDesign` is read from an argument DESIGN, and changed by an option ``--set``
 - `on_step` and `on_tried` report progress on standard error
-- `asked` holds the words that the user typed
+- `asked` holds the words that name the design
 
 A verb returns a result that has `to_json` for ``--json`` and `screen` for the terminal.
 """
@@ -28,6 +28,7 @@ from typing import Annotated, Any, TypeVar
 import typer
 
 from optopad.cli.options import SHARED, typed
+from optopad.screen.answer import as_typed
 from optopad.screen.output import print_json, progress, say
 from optopad.work import read_design
 
@@ -43,30 +44,30 @@ TYPES: dict[str, Any] = {
 """What a user can type, by the annotation; `typed` gives the type of others."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Asked:
-    """What the user typed: the design, its changes, and how the result is shown."""
+    """The design and its changes, as the user typed them."""
 
     design: str
     changes: Sequence[str]
-    as_json: bool
-    details: bool
+
+    @property
+    def words(self) -> str:
+        """The words, for a command that the user may type next."""
+        return as_typed(self.design, self.changes)
 
 
-def verb(
-    *, set_before: str = "", has_details: bool = False, **options: Typed | None
-) -> Callable[[Function], Function]:
+def verb(*, set_before: str = "", **options: Typed | None) -> Callable[[Function], Function]:
     """Mark a function as a verb.
 
     Parameters
     ----------
     set_before : option before which the help lists ``--set``; "" for the first place
-    has_details : whether there is an option ``--details``
     options : how parameters are typed; None for one that cannot be typed
     """
 
     def marked(function: Function) -> Function:
-        vars(function)["verb"] = (set_before, has_details, options)
+        vars(function)["verb"] = (set_before, options)
         return function
 
     return marked
@@ -74,15 +75,14 @@ def verb(
 
 def command_of(function: Callable[..., Any]) -> Callable[..., None]:
     """The command of a verb, as a function that typer understands."""
-    set_before, has_details, options = vars(function)["verb"]
+    set_before, options = vars(function)["verb"]
     said, taken = inspect.getdoc(function) or "", inspect.signature(function).parameters
     words = list(_words(taken.values(), SHARED | options, helps_of(said), set_before))
-    names = {word.name for word in words}
-    more = {"details": has_details, "as_json": "as_json" not in names}
-    words += [_word(name, "bool", False, SHARED[name]) for name, is_there in more.items() if is_there]
+    if "as_json" not in taken and "as_json" not in options:
+        words.append(_word("as_json", "bool", False, SHARED["as_json"]))
 
     def command(**given: Any) -> None:
-        as_json = given["as_json"]
+        as_json = given.get("as_json", False)
         values = {
             name: taken[name].default if value is None else value
             for name, value in given.items()
@@ -92,9 +92,7 @@ def command_of(function: Callable[..., Any]) -> Callable[..., None]:
             if _is_design(taken.get("design")):
                 values["design"] = read_design(given["design"], given["set_"])
             if "asked" in taken:
-                changes = given.get("set_") or ()
-                where, details = given.get("design", ""), given.get("details", False)
-                values["asked"] = Asked(design=where, changes=changes, as_json=as_json, details=details)
+                values["asked"] = Asked(given["design"], given["set_"] or ())
             if "on_step" in taken:
                 values["on_step"] = stack.enter_context(progress(quiet=as_json))
             if "on_tried" in taken:

@@ -1,4 +1,4 @@
-"""Results of one design: findings of a check, and a score with figures, maps and plots."""
+"""The result of a score: the verdict on a design, with figures, maps and plots."""
 
 from __future__ import annotations
 
@@ -7,12 +7,10 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from optopad.design.errors import InputError
-from optopad.design.fields.finding import Finding
 from optopad.design.shape.cavity import cavity_of
 from optopad.design.spec import SensorDesign
-from optopad.screen.answer import counted
 from optopad.screen.figures import summary_words
-from optopad.screen.shown import WIDTH_IN, block, drawn, picture, table
+from optopad.screen.shown import WIDTH_IN, block, drawn, picture
 from optopad.screen.verdict import verdict_screen
 from optopad.screen.verdict_sentences import sentences_of
 from optopad.sims.score.result import ContinuityScore, JudgedPair, KeyFigures
@@ -21,47 +19,6 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-
-@dataclass(frozen=True, kw_only=True, repr=False)
-class Checked:
-    """Findings of the design rules. A design with errors cannot be made or scored; warnings do not prevent it.
-
-    Attributes
-    ----------
-    design : the design that was checked
-    findings : the findings, each with severity, field, value, limit, message and fix
-    """
-
-    design: SensorDesign
-    findings: tuple[Finding, ...]
-
-    @property
-    def errors(self) -> tuple[Finding, ...]:
-        """Findings that prevent the design from being made or scored."""
-        return tuple(one for one in self.findings if one.severity == "error")
-
-    @property
-    def warnings(self) -> tuple[Finding, ...]:
-        """Findings that do not prevent the design from being made or scored."""
-        return tuple(one for one in self.findings if one.severity == "warning")
-
-    @property
-    def ok(self) -> bool:
-        """Whether there are no errors."""
-        return not self.errors
-
-    def __repr__(self) -> str:
-        return "\n".join([self._title, *map(str, self.findings)])
-
-    def _repr_html_(self) -> str:
-        rows = [(one.severity, one.field, one.message, one.limit, one.way_out) for one in self.findings]
-        head = ("", "field", "what is wrong", "limit", "way out")
-        return block(self._title, (), table(head, rows) if rows else "")
-
-    @property
-    def _title(self) -> str:
-        return f"{self.design.name}: {counted(len(self.errors), 'error')}, {counted(len(self.warnings), 'warning')}"
 
 
 @dataclass(frozen=True, init=False, repr=False)

@@ -18,7 +18,7 @@ from optopad.fabrication import flash as image
 from optopad.fabrication.bundle import bundle_name
 from optopad.fabrication.driver.link.ports import FoundPort
 from optopad.fabrication.driver.simulated.port import FakePort
-from optopad.sensor.firmware import board_setup
+from optopad.verbs.driver.flash import board_setup
 from tests.fabrication.driver.made_up_pad import board
 from tests.fabrication.driver.other_devices import printer_of
 from tests.fabrication.simulated_board import missing_compiler
@@ -223,7 +223,7 @@ def test_a_port_that_only_a_serial_chip_speaks_for_is_asked_about(
 ):
     notes, printer = avrdude(), printer_of("Marlin 1.0")
     entry = replace(board_setup(preset(DESIGN)), usb_ids=(chip,))
-    monkeypatch.setattr("optopad.sensor.firmware.board_setup", lambda _design: entry)
+    monkeypatch.setattr("optopad.verbs.driver.flash.board_setup", lambda _design: entry)
     command = ["flash", DESIGN, "--image", str(board_image)]
     with FakePort(printer) as made:
         copies_here(monkeypatch, made.name, chip)
@@ -291,7 +291,7 @@ def drives(tmp_path, monkeypatch):
             if board_id:
                 text = f"UF2 Bootloader v3.0\nModel: Raspberry Pi RP2\nBoard-ID: {board_id}\n"
                 (drive / "INFO_UF2.TXT").write_text(text, encoding="ascii")
-        monkeypatch.setattr("optopad.fabrication.flash.mounted_drives", lambda: found)
+        monkeypatch.setattr("optopad.verbs.driver.flash.mounted_drives", lambda: found)
         return found
 
     return mounted

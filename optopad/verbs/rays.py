@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from optopad.cli.options import parsed_press
+from optopad.cli.verb import typed, verb
 from optopad.design.errors import InputError
 from optopad.design.progress import OnStep
 from optopad.design.rules.check import require_valid
@@ -18,12 +20,14 @@ from optopad.design.shape.cavity import CavityGeometry, PlacedPart, cavity_of, c
 from optopad.design.spec import SensorDesign
 from optopad.fabrication.bundle import bundle, bundle_name
 from optopad.jobs.signals import require_presses
+from optopad.screen.output import Told
 from optopad.sims.contact.indentation import solved_press
 from optopad.sims.optics.paths import LightPath
 from optopad.sims.plots.ray_sheet import ray_sheet
 from optopad.sims.plots.rays import Cut, cut_across, cut_of_pair, cut_through
 from optopad.sims.plots.style import plain_style
 from optopad.sims.rays import KINDS, LOST, Pair, Press, RayChoice, RayState, kind_of, ray_states
+from optopad.work import OUT
 
 PREFIX = "rays"
 DEFAULT_DEPTHS = (0.2, 0.4, 0.8)
@@ -78,6 +82,47 @@ class RayView:
     def unit(self) -> float:
         """Reference power of the shown fractions, as a fraction of the emitted power [-]."""
         return self.states[0].total if self.is_aimed and self.states[0].total > 0.0 else 1.0
+
+
+@verb(
+    emitter=typed("E1"),
+    receiver=typed("R1"),
+    press=typed("X,Y,DEPTH"),
+    count=typed(min=1, max=200),
+    set_before="out",
+)
+def rays(
+    design: SensorDesign,
+    *,
+    emitter: str | None = None,
+    receiver: str | None = None,
+    press: Sequence[str] = (),
+    count: int = 24,
+    out: Path = Path(OUT),
+    seed: int = 0,
+    on_step: OnStep,
+) -> Told:
+    """Draw sample paths of light, untouched and pressed: mode 1, mode 2, scattered, lost; pictures in the bundle.
+
+    Parameters
+    ----------
+    emitter : One emitter, by its name in the wiring table. Default: all.
+    receiver : One receiver, by its name. With --emitter: a pair, cut along its chord.
+    press : A press [mm]; repeatable. Default: both ends of the deadband if a verdict found one, else three depths, at
+        the pair's middle or the pad's location of least margin.
+    count : Number of paths of the strongest kind of light.
+    """
+    presses, cavity = tuple(parsed_press(text) for text in press), cavity_of(design)
+    request = RayRequest(
+        emitter=None if emitter is None else part_number(cavity.emitters, emitter, "--emitter"),
+        receiver=None if receiver is None else part_number(cavity.receivers, receiver, "--receiver"),
+        presses=presses,
+        count=count,
+    )
+    view = view_rays(design, request, out, seed=seed, on_step=on_step)
+    files = [str(file) for file in write_pictures(view, out)]
+    lines = [*view_lines(view), *(f"file      {file}" for file in files)]
+    return Told(view_json(view) | {"files": files}, lines)
 
 
 def part_number(parts: Sequence[PlacedPart], text: str, field: str) -> int:

@@ -1,4 +1,4 @@
-"""One centred press, for people and programs: surface, load, pressure, and the load over a protocol."""
+"""One centred press: surface, load, pressure, and the load over a protocol."""
 
 from __future__ import annotations
 
@@ -9,15 +9,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from optopad.cli.options import require_folder
+from optopad.cli.verb import typed, verb
 from optopad.design.arrays import FloatArray
 from optopad.design.errors import InputError
 from optopad.design.fields.quantity import Quantity
 from optopad.design.press_protocol import LoadProtocol, load_protocol
+from optopad.design.progress import OnStep
 from optopad.design.rules.check import require_valid
 from optopad.design.spec import SensorDesign
 from optopad.design.spec.properties import modulus
 from optopad.fabrication.bundle import bundle, bundle_name
 from optopad.report.sections.published import LoadComparison, compared, published_load
+from optopad.screen.output import Told
 from optopad.sims.contact.force_curve import ForceCurve, force_curve
 from optopad.sims.contact.indentation import indent, solved_press
 from optopad.sims.contact.load_protocol import LoadHistory, load_history, solid_of
@@ -89,6 +93,30 @@ class PressView:
         """Height of the highest point of the deformed surface, and that point's distance from the tip's axis [mm]."""
         highest = int(self.press.height_mm.argmax())
         return float(self.press.height_mm[highest]), float(self.press.radius_mm[highest])
+
+
+@verb(protocol=typed("NAME"), out=typed("FOLDER", type=Path, callback=require_folder), set_before="out")
+def show(
+    design: SensorDesign,
+    *,
+    depth: float = 2.0,
+    protocol: str | None = None,
+    out: Path | None = None,
+    seed: int = 0,
+    on_step: OnStep,
+) -> Told:
+    """Compute load, surface and pressure of a centred press; with a protocol, also the load in retraction.
+
+    Parameters
+    ----------
+    depth : Depth of the press [mm].
+    protocol : Also the load over a load protocol: piacenza2017.
+    out : Also write pictures, as SVG and PNG, into the bundle in this folder.
+    """
+    view = view_press(design, depth, protocol, on_step=lambda share: on_step("contact", share))
+    files = [] if out is None else write_pictures(view, out, seed=seed)
+    where = [f"files     {files[0].parent}/contact-*"] if files else []
+    return Told(view_json(view) | {"files": [str(file) for file in files]}, [*view_lines(view), *where])
 
 
 def view_press(

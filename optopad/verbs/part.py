@@ -1,34 +1,44 @@
-"""Commands for the catalogue: a new part from its data sheet (part new), and an overview (parts)."""
+"""A part of the user's own for the catalogue, from its data sheet."""
 
 from __future__ import annotations
 
 import math
 import re
 import sys
-from collections.abc import Sequence
 from pathlib import Path
-from textwrap import shorten
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Any
 
 import typer
 
-from optopad.cli import options
-from optopad.design.errors import InputError
-from optopad.screen.output import tell
-
-if TYPE_CHECKING:
-    from optopad.design.part_entry import LedSheet, PartEntry, PhotodiodeSheet
-    from optopad.design.parts.listing import Listed
-    from optopad.design.parts.photometry import Intensity
-
-part = typer.Typer(
-    name="part",
-    help="A part of your own for the catalogue.",
-    no_args_is_help=True,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
+from optopad.cli.options import file_name
+from optopad.cli.verb import typed, verb
+from optopad.design.errors import DesignError, InputError
+from optopad.design.fields.base import IDENTIFIER_PATTERN
+from optopad.design.fields.validation import PATTERN_WORDS
+from optopad.design.io import catalog_file_entries, read_design_text, write_text_atomically
+from optopad.design.part_entry import LedSheet, PartEntry, PhotodiodeSheet, part_entry
+from optopad.design.parts.catalog import packaged
+from optopad.design.parts.photometry import Intensity
+from optopad.design.toml_text import parsed_toml
+from optopad.screen.catalogue import new_part_lines
+from optopad.screen.output import Told
 
 KINDS = ("led", "photodiode")
+SHEET = (
+    *("kind", "package", "intensity", "viewing_angle", "half_angle", "wavelength", "current", "max_current"),
+    *(
+        "forward_voltage",
+        "area",
+        "responsivity",
+        "dark_current",
+        "capacitance",
+        "lens",
+        "source",
+        "manufacturer",
+    ),
+    "title",
+)
+"""What is taken from a data sheet."""
 Given = dict[str, Any]
 """Texts of the options by name, with dashes; None for those that were left out."""
 
@@ -74,118 +84,81 @@ LIMITS = {
     ),
 }
 """Range of each number, its unit and a remedy; a low end of 0 is excluded, except for dark currents."""
-SOURCE = 60
-"""Longest source in the overview of the whole catalogue [characters]."""
 _NUMBER = r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*"
 _UNITS = {"mcd": ("mcd", 1.0), "cd": ("mcd", 1e3), "mw/sr": ("mW/sr", 1.0), "w/sr": ("mW/sr", 1e3)}
 
 
-@part.command(short_help="Write a part's entry from its data sheet.")
+@verb(
+    name=typed("NAME"),
+    kind=typed("led|photodiode"),
+    package=typed("NAME"),
+    intensity=typed("VALUE"),
+    viewing_angle=typed("DEG"),
+    half_angle=typed("DEG"),
+    wavelength=typed("NM"),
+    current=typed("MA"),
+    max_current=typed("MA"),
+    forward_voltage=typed("V"),
+    area=typed("AREA"),
+    responsivity=typed("A/W"),
+    dark_current=typed("NA"),
+    capacitance=typed("PF"),
+    lens=typed("filed|kept"),
+    source=typed("TEXT"),
+    manufacturer=typed("TEXT"),
+    title=typed("TEXT"),
+    out=typed("FILE", type=Path, callback=file_name(".toml")),
+)
 def new(
-    name: Annotated[
-        str, typer.Argument(metavar="NAME", help="Identifier of the part: small letters, digits, dashes.")
-    ],
-    kind: Annotated[
-        str | None, typer.Option(metavar="led|photodiode", help="What the part is; prompted for if left out.")
-    ] = None,
-    package: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="radial-5mm, radial-3mm, side-looking-5mm, side-looking-thin, plcc-2, 0805, coupler-tcrt5000 or "
-            "coupler-qre1113.",
-        ),
-    ] = None,
-    intensity: Annotated[
-        str | None,
-        typer.Option(metavar="VALUE", help="LED: intensity on the axis, as 250mcd or 12mW/sr."),
-    ] = None,
-    viewing_angle: Annotated[
-        str | None,
-        typer.Option("--viewing-angle", metavar="DEG", help="Viewing angle 2θ½: the full angle."),
-    ] = None,
-    half_angle: Annotated[
-        str | None,
-        typer.Option(
-            "--half-angle", metavar="DEG", help="Half angle ±θ½ from the axis, instead of --viewing-angle."
-        ),
-    ] = None,
-    wavelength: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NM", help="LED: peak or dominant, or `white`; photodiode: of the responsivity."
-        ),
-    ] = None,
-    current: Annotated[
-        str | None, typer.Option(metavar="MA", help="LED: test current of the intensity.")
-    ] = None,
-    max_current: Annotated[
-        str | None,
-        typer.Option("--max-current", metavar="MA", help="LED: largest continuous current; else --current."),
-    ] = None,
-    forward_voltage: Annotated[
-        str | None,
-        typer.Option("--forward-voltage", metavar="V", help="LED: at --current; else usual for its colour."),
-    ] = None,
-    area: Annotated[
-        str | None,
-        typer.Option(
-            metavar="AREA", help="Photodiode: sensitive area, as 7.5 for mm2 or 2.65x2.65 for mm x mm."
-        ),
-    ] = None,
-    responsivity: Annotated[
-        str | None, typer.Option(metavar="A/W", help="Photodiode: responsivity at --wavelength.")
-    ] = None,
-    dark_current: Annotated[
-        str | None, typer.Option("--dark-current", metavar="NA", help="Photodiode: typical; else 2 nA.")
-    ] = None,
-    capacitance: Annotated[
-        str | None, typer.Option(metavar="PF", help="Photodiode: without bias; else 10 pF per mm2.")
-    ] = None,
-    lens: Annotated[
-        str | None,
-        typer.Option(
-            metavar="filed|kept", help="Dome of a round part: filed flat (the default), or kept on."
-        ),
-    ] = None,
-    source: Annotated[
-        str | None, typer.Option(metavar="TEXT", help="Name of the data sheet, as its number and revision.")
-    ] = None,
-    manufacturer: Annotated[str | None, typer.Option(metavar="TEXT", help="Who makes it.")] = None,
-    title: Annotated[str | None, typer.Option(metavar="TEXT", help="Full name; else NAME.")] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out",
-            metavar="FILE",
-            help="Catalogue file; the entry is appended if it exists. Default: NAME.toml.",
-            callback=options.file_name(".toml"),
-        ),
-    ] = None,
-    as_json: options.Json = False,
-) -> None:
-    """Write the catalogue entry of an LED or a photodiode from its data sheet."""
-    from optopad.design.part_entry import part_entry
+    name: str,
+    *,
+    kind: str | None = None,
+    package: str | None = None,
+    intensity: str | None = None,
+    viewing_angle: str | None = None,
+    half_angle: str | None = None,
+    wavelength: str | None = None,
+    current: str | None = None,
+    max_current: str | None = None,
+    forward_voltage: str | None = None,
+    area: str | None = None,
+    responsivity: str | None = None,
+    dark_current: str | None = None,
+    capacitance: str | None = None,
+    lens: str | None = None,
+    source: str | None = None,
+    manufacturer: str | None = None,
+    title: str | None = None,
+    out: Path | None = None,
+    as_json: bool = False,
+) -> Told:
+    """Write the catalogue entry of an LED or a photodiode from its data sheet.
 
-    given: Given = {
-        "kind": kind,
-        "package": package,
-        "intensity": intensity,
-        "viewing-angle": viewing_angle,
-        "half-angle": half_angle,
-        "wavelength": wavelength,
-        "current": current,
-        "max-current": max_current,
-        "forward-voltage": forward_voltage,
-        "area": area,
-        "responsivity": responsivity,
-        "dark-current": dark_current,
-        "capacitance": capacitance,
-        "lens": lens,
-        "source": source,
-        "manufacturer": manufacturer,
-        "title": title,
-    }
+    Parameters
+    ----------
+    name : Identifier of the part: small letters, digits, dashes.
+    kind : What the part is; prompted for if left out.
+    package : radial-5mm, radial-3mm, side-looking-5mm, side-looking-thin, plcc-2, 0805, coupler-tcrt5000 or
+        coupler-qre1113.
+    intensity : LED: intensity on the axis, as 250mcd or 12mW/sr.
+    viewing_angle : Viewing angle 2θ½: the full angle.
+    half_angle : Half angle ±θ½ from the axis, instead of --viewing-angle.
+    wavelength : LED: peak or dominant, or `white`; photodiode: of the responsivity.
+    current : LED: test current of the intensity.
+    max_current : LED: largest continuous current; else --current.
+    forward_voltage : LED: at --current; else usual for its colour.
+    area : Photodiode: sensitive area, as 7.5 for mm2 or 2.65x2.65 for mm x mm.
+    responsivity : Photodiode: responsivity at --wavelength.
+    dark_current : Photodiode: typical; else 2 nA.
+    capacitance : Photodiode: without bias; else 10 pF per mm2.
+    lens : Dome of a round part: filed flat (the default), or kept on.
+    source : Name of the data sheet, as its number and revision.
+    manufacturer : Who makes it.
+    title : Full name; else NAME.
+    out : Catalogue file; the entry is appended if it exists. Default: NAME.toml.
+    """
+    words = dict(locals())
+    given: Given = {word.replace("_", "-"): words[word] for word in SHEET}
     _require_identifier(name)
     given, prompted = _completed(given, may_prompt=not as_json)
     while True:
@@ -200,14 +173,10 @@ def new(
             given |= {wrong.group(1): typer.prompt(prompted[wrong.group(1)])}
     file = out or Path(f"{name}.toml")
     _write(entry, file)
-    tell(as_json, lambda: {"file": str(file), **entry.document()}, lambda: _summary(entry, file))
+    return Told({"file": str(file), **entry.document()}, new_part_lines(entry, file))
 
 
 def _require_identifier(name: str) -> None:
-    from optopad.design.fields.base import IDENTIFIER_PATTERN
-    from optopad.design.fields.validation import PATTERN_WORDS
-    from optopad.design.parts.catalog import packaged
-
     if not re.fullmatch(IDENTIFIER_PATTERN, name):
         plain = re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")[:63] or "my-part"
         raise InputError(
@@ -257,8 +226,6 @@ def _is_missing(given: Given, name: str) -> bool:
 
 def _sheet(name: str, given: Given) -> LedSheet | PhotodiodeSheet:
     """The data sheet in the options; raises InputError."""
-    from optopad.design.part_entry import LedSheet, PhotodiodeSheet
-
     if given["lens"] not in (None, "filed", "kept"):
         raise InputError(f"--lens: {given['lens']!r} is refused; give filed or kept")
     common: Given = {
@@ -319,8 +286,6 @@ def _half_angle_deg(given: Given) -> float:
 
 def _intensity(text: str) -> Intensity:
     """The intensity of an option such as 250mcd, 0.25cd or 12mW/sr; raises InputError."""
-    from optopad.design.parts.photometry import Intensity
-
     found = re.fullmatch(_NUMBER + r"([^\d\s].*)?", text.strip())
     unit = (found.group(2) or "").strip().lower() if found else ""
     if found is None or unit not in _UNITS:
@@ -359,10 +324,6 @@ def _write(entry: PartEntry, file: Path) -> None:
     ------
     InputError : the file is not a catalogue, or has a part of this name.
     """
-    from optopad.design.errors import DesignError
-    from optopad.design.io import catalog_file_entries, read_design_text, write_text_atomically
-    from optopad.design.toml_text import parsed_toml
-
     text = entry.text()
     parsed_toml(text)
     if file.exists():
@@ -376,55 +337,3 @@ def _write(entry: PartEntry, file: Path) -> None:
             )
         text = read_design_text(file).rstrip("\n") + "\n\n" + text
     write_text_atomically(file, text)
-
-
-def _summary(entry: PartEntry, file: Path) -> list[str]:
-    from optopad.screen.answer import row
-
-    section = f"{entry.part.kind}s"
-    lines = row("part", f"{entry.part_id}: {entry.part.title}, {entry.part.kind} ({entry.part.mounting})", 2)
-    for title, remark in entry.remarks.items():
-        lines += row(title.lower(), remark, 6)
-    lines += row("file", f"{file}")
-    lines += row(
-        "next",
-        f"put {file.name} into the folder of the design and name it there, before the first table: catalog_files = "
-        f'["{file.name}"] (or its path from that folder); under [{section}]: part = "{entry.part_id}"',
-        3,
-    )
-    return lines
-
-
-def parts(
-    kind: Annotated[
-        str | None,
-        typer.Option(
-            metavar="GROUP", help="One group: emitters, receivers, silicones, plastics, boards and others."
-        ),
-    ] = None,
-    as_json: options.Json = False,
-) -> None:
-    """List the packaged catalogue: parts, silicones, plastics, boards and chips, with main figures and sources."""
-    from dataclasses import asdict
-
-    from optopad.design.parts.catalog import packaged
-    from optopad.design.parts.listing import listed
-
-    found = listed(packaged(), kind)
-    tell(
-        as_json,
-        lambda: {"entries": [asdict(one) for one in found]},
-        lambda: _overview(found, is_whole=kind is None),
-    )
-
-
-def _overview(found: Sequence[Listed], *, is_whole: bool) -> list[str]:
-    """Two lines for each entry; the whole catalogue has its sources shortened."""
-    lines: list[str] = []
-    for number, one in enumerate(found):
-        if number == 0 or found[number - 1].kind != one.kind:
-            lines += [*([""] if lines else []), one.kind]
-        counted = ", ".join(f"{count} {level}" for level, count in one.confidences.items())
-        source = shorten(one.source, SOURCE, placeholder=" ...") if is_whole else one.source
-        lines += [f"  {one.name:<24}{one.figures}", f"  {'':<24}{source} ({counted})"]
-    return lines

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from optopad.design.errors import DeviceError, InputError
-from optopad.design.files import read_bytes
+from optopad.cli.verb import verb
+from optopad.design.errors import DeviceError
 from optopad.design.io import write_text_atomically
 from optopad.design.rules.check import require_valid
 from optopad.design.spec import SensorDesign
 from optopad.fabrication.bundle import bundle, bundle_name
-from optopad.fabrication.flash import MOST_IMAGE_BYTES, Image, compiled_image
-from optopad.fabrication.sketch import IMAGE, SKETCH, write_sketch
-
-if TYPE_CHECKING:
-    from optopad.fabrication.driver_file import BoardSetup
+from optopad.fabrication.flash import Image, compiled_image
+from optopad.fabrication.sketch import IMAGE, SKETCH, firmware_settings, write_sketch
+from optopad.screen.output import Told
+from optopad.work import OUT
 
 FIRMWARE = Path("fabrication") / "firmware"
 
@@ -36,6 +34,34 @@ class FirmwareFiles:
     image_file: Path | None
     image: Image | None
     no_image_because: str
+
+
+@verb()
+def firmware(design: SensorDesign, *, out: Path = Path(OUT), seed: int = 0) -> Told:
+    """Write the sketch folder of a design for the Arduino IDE, and a .hex file if avr-gcc is installed."""
+    settings, files = firmware_settings(design), write_firmware(design, out, seed=seed)
+    image, chip = files.image, settings.chip
+    document = {
+        "sketch": str(files.sketch),
+        "board": chip.arduino_board,
+        "image": None if files.image_file is None else str(files.image_file),
+        "no_image_because": files.no_image_because,
+        "flash_bytes": None if image is None else image.flash_bytes,
+        "ram_bytes": None if image is None else image.ram_bytes,
+        "config_crc": settings.config_crc(),
+    }
+    lines = [f"sketch    {files.sketch}", f"board     {settings.board_title} ({chip.arduino_board})"]
+    if image is None:
+        return Told(document, [*lines, f"no .hex   {files.no_image_because}"])
+    takes = (
+        f"takes     {_share(image.flash_bytes, chip.flash_bytes)} of program memory, "
+        f"{_share(image.ram_bytes, chip.ram_bytes)} of RAM"
+    )
+    return Told(document, [*lines, f"image     {files.image_file}", takes])
+
+
+def _share(taken_bytes: int, of_bytes: int) -> str:
+    return f"{taken_bytes} bytes ({taken_bytes / of_bytes:.0%})"
 
 
 def write_firmware(design: SensorDesign, out: Path, *, seed: int) -> FirmwareFiles:
@@ -60,42 +86,6 @@ def write_firmware(design: SensorDesign, out: Path, *, seed: int) -> FirmwareFil
         image=image,
         no_image_because=reason,
     )
-
-
-def image_to_upload(design: SensorDesign, out: Path, *, seed: int) -> Path:
-    """The image of a design, compiled now, or taken from its bundle if there is no compiler.
-
-    Raises
-    ------
-    DeviceError : there is no compiler, and the bundle has no image of this firmware.
-    """
-    files = write_firmware(design, out, seed=seed)
-    if files.image_file is None:
-        raise DeviceError(
-            f"{files.sketch}: nothing to upload: {files.no_image_because}; with a compiler installed, "
-            "this command makes the image itself"
-        )
-    return files.image_file
-
-
-def board_setup(design: SensorDesign) -> BoardSetup:
-    """The board for the driver: its USB identities and its line."""
-    from optopad.fabrication.driver_config import driver_config
-
-    return driver_config(design).board
-
-
-def given_image(file: Path) -> Path:
-    """The compiled program in a file that the user names.
-
-    Raises
-    ------
-    InputError : the file does not exist or is not an Intel HEX file.
-    """
-    content = read_bytes(file, needed="the .hex file of a program", most_bytes=MOST_IMAGE_BYTES)
-    if not (content.startswith(b":") and content.isascii()):
-        raise InputError(f"{file}: no Intel HEX; name the .hex file that `optopad driver firmware` wrote")
-    return file
 
 
 def _image(design: SensorDesign) -> tuple[Image | None, str]:

@@ -1,100 +1,83 @@
-"""The command `collect`: collects a data set of a manufactured sensor, with presses by a stage."""
+"""Collects a data set of a manufactured sensor, with presses by a stage."""
 
 from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+import numpy as np
 
-from optopad.cli import options
 from optopad.cli.interrupts import answered
+from optopad.cli.options import file_name, parsed_press
+from optopad.cli.verb import typed, verb
 from optopad.design.errors import DeviceError, InputError, OutputError
-from optopad.screen.output import print_json, progress, say
-
-if TYPE_CHECKING:
-    from optopad.design.recordings import SetEntry
-    from optopad.fabrication.stage.collection import Collected, Collector
-    from optopad.fabrication.stage.gcode_stage import GcodeStage
-    from optopad.fabrication.stage.stage import Position, PressList
-    from optopad.sensor.driver_view import DriverSource
+from optopad.design.press_protocol import load_protocol_file
+from optopad.design.recordings import SetEntry
+from optopad.design.spec import SensorDesign
+from optopad.fabrication.driver.link.ports import plain_name
+from optopad.fabrication.driver.sensor import Sensor
+from optopad.fabrication.stage.collection import Collected, Collector
+from optopad.fabrication.stage.gcode_stage import BOOT_S, GcodeStage
+from optopad.fabrication.stage.stage import Position, PressList, limits_of, press_list, read_press_list
+from optopad.screen.output import Told, progress
+from optopad.sensor import DriverSource, driver_source
+from optopad.work import OUT
 
 STANDS = "give its present position, which the last run reported at its end, or home it (--origin)"
 
 
+@verb(
+    stage_port=typed("NAME"),
+    protocol=typed("NAME|FILE"),
+    out=typed("FILE", callback=file_name(".nc")),
+    tip_at=typed("X,Y,DEPTH"),
+    origin=typed("X,Y,Z"),
+    only=typed("SET"),
+    settle=typed("S", min=0.0),
+    frames=typed("N", min=1),
+    speed=typed("MM_PER_S", min=0.01, max=50.0),
+    stage_baud=typed(min=1),
+)
 def collect(
-    config: options.Config,
-    stage_port: Annotated[
-        str, typer.Option("--stage-port", metavar="NAME", help="Serial port of the printer that presses.")
-    ],
-    protocol: Annotated[
-        str,
-        typer.Option(
-            "--protocol",
-            metavar="NAME|FILE",
-            help="Presses: a protocol's name or file (.toml), or a table (.csv).",
-        ),
-    ],
-    out: Annotated[
-        Path,
-        typer.Option(
-            "--out", metavar="FILE", help="The data set, netCDF (.nc).", callback=options.file_name(".nc")
-        ),
-    ],
-    port: options.Port = None,
-    tip_at: Annotated[
-        str | None,
-        typer.Option(
-            "--tip-at",
-            metavar="X,Y,DEPTH",
-            help="Present position of the tip [mm]; default: the middle, at first contact.",
-        ),
-    ] = None,
-    origin: Annotated[
-        str | None,
-        typer.Option(
-            "--origin",
-            metavar="X,Y,Z",
-            help="Home first. Printer coordinates of the cavity's corner at the surface.",
-        ),
-    ] = None,
-    only: Annotated[
-        list[str] | None, typer.Option("--only", metavar="SET", help="Only this set. Repeatable.")
-    ] = None,
-    settle: Annotated[
-        float,
-        typer.Option(
-            "--settle", metavar="S", min=0.0, help="Waiting time at each position before frames are recorded."
-        ),
-    ] = 0.3,
-    frames: Annotated[int, typer.Option("--frames", metavar="N", min=1, help="Frames at each position.")] = 1,
-    speed: Annotated[
-        float,
-        typer.Option("--speed", metavar="MM_PER_S", min=0.01, max=50.0, help="Speed near and in the pad."),
-    ] = 5.0,
-    stage_baud: Annotated[
-        int, typer.Option("--stage-baud", min=1, help="Baud rate of the printer's serial port.")
-    ] = 115200,
-    rate: options.Rate = None,
-    accept_digest: options.Accept = None,
-    patience: options.Patience = None,
-    set_: options.Set = None,
-    bundles: options.Bundles = options.DEFAULT_OUT,
-    seed: options.Seed = 0,
-    as_json: options.Json = False,
-) -> None:
-    """Press the pad unattended and record the frames of each press; the same command continues an interrupted run."""
-    from optopad.fabrication.driver.link.ports import plain_name
-    from optopad.fabrication.driver.sensor import Sensor
-    from optopad.fabrication.stage.collection import Collector
-    from optopad.fabrication.stage.gcode_stage import BOOT_S, GcodeStage
-    from optopad.fabrication.stage.stage import limits_of
-    from optopad.sensor.driver_view import driver_source
+    config: str,
+    *,
+    stage_port: str,
+    protocol: str,
+    out: Path,
+    port: str | None = None,
+    tip_at: str | None = None,
+    origin: str | None = None,
+    only: Sequence[str] = (),
+    settle: float = 0.3,
+    frames: int = 1,
+    speed: float = 5.0,
+    stage_baud: int = 115200,
+    rate: float | None = None,
+    accept_digest: str | None = None,
+    patience: float | None = None,
+    set_: Sequence[str] = (),
+    bundles: Path = Path(OUT),
+    seed: int = 0,
+    as_json: bool = False,
+) -> Told:
+    """Press the pad unattended and record the frames of each press; the same command continues an interrupted run.
 
+    Parameters
+    ----------
+    stage_port : Serial port of the printer that presses.
+    protocol : Presses: a protocol's name or file (.toml), or a table (.csv).
+    out : The data set, netCDF (.nc).
+    tip_at : Present position of the tip [mm]; default: the middle, at first contact.
+    origin : Home first. Printer coordinates of the cavity's corner at the surface.
+    only : Only this set. Repeatable.
+    settle : Waiting time at each position before frames are recorded.
+    frames : Frames at each position.
+    speed : Speed near and in the pad.
+    stage_baud : Baud rate of the printer's serial port.
+    """
     if tip_at is not None and origin is not None:
         raise InputError("--tip-at and --origin: both give the position of the pad; give one")
     source = driver_source(config, set_, bundles)
@@ -120,7 +103,7 @@ def collect(
     )
     with sensor:
         collector = Collector(sensor, presses, out, settle_s=settle, frames=frames)
-        numbers = collector.remaining(only or ())
+        numbers = collector.remaining(only)
         if collector.was_begun and tip_at is None and home is None:
             raise InputError(
                 f"--tip-at: {out} has presses already, and the tip may have moved since: {STANDS}"
@@ -131,7 +114,7 @@ def collect(
         with _failures_that_tell_the_place(stage, collector):
             _pressed(stage, collector, numbers, stand, home, ask, quiet=as_json)
         found = collector.finish(len(presses.presses) - len(collector.remaining()) - there)
-    _tell(found, stage.left_at, time.monotonic() - begun, as_json)
+    return _told(found, stage.left_at, time.monotonic() - begun)
 
 
 @contextmanager
@@ -174,8 +157,6 @@ def _pressed(
 
 
 def _presses(source: DriverSource, protocol: str, seed: int) -> PressList:
-    from optopad.fabrication.stage.stage import read_press_list
-
     suffix = Path(protocol).suffix.lower()
     if suffix == ".csv" or (Path(protocol).is_file() and suffix != ".toml"):
         return read_press_list(Path(protocol))
@@ -184,9 +165,31 @@ def _presses(source: DriverSource, protocol: str, seed: int) -> PressList:
             f"--protocol {protocol}: needs the design, which driver.toml does not contain; name the "
             "design, or a CSV file"
         )
-    from optopad.sensor.stage_protocol import protocol_presses
-
     return protocol_presses(source.design, protocol, seed=seed)
+
+
+def protocol_presses(design: SensorDesign, protocol: str, *, seed: int = 0) -> PressList:
+    """The presses of a protocol on a design.
+
+    Parameters
+    ----------
+    protocol : name of a packaged protocol, or a file
+    seed : seed of the order of locations within each set
+
+    Raises
+    ------
+    DesignError, InputError, ModelScopeError : the protocol does not exist or does not suit this design.
+    """
+    said = load_protocol_file(protocol)
+    depths = said.depth_mm.tolist()
+
+    def rows() -> Iterator[tuple[SetEntry, int, Position]]:
+        for number, (one, places) in enumerate(zip(said.sets, said.places_mm(design), strict=True)):
+            order = np.random.default_rng([seed, number]).permutation(len(places))
+            for place, (x, y) in enumerate(places[order].tolist()):
+                yield from ((one.info, place, (x, y, depth)) for depth in depths)
+
+    return press_list(rows())
 
 
 def _light(collector: Collector, numbers: list[int], as_json: bool) -> Callable[[SetEntry], None]:
@@ -212,7 +215,7 @@ def _lit(entry: SetEntry) -> str:
 
 def _position(option: str, text: str) -> Position:
     try:
-        return options.parsed_press(text)
+        return parsed_press(text)
     except InputError as err:
         raise InputError(str(err).replace("--press", option, 1)) from None
 
@@ -226,24 +229,24 @@ def _middle(source: DriverSource) -> Position:
     return (area.x0_mm + area.x1_mm) / 2, (area.y0_mm + area.y1_mm) / 2, 0.0
 
 
-def _tell(found: Collected, tip: Position | None, seconds: float, as_json: bool) -> None:
-    if as_json:
-        document: dict[str, Any] = {
-            "file": None if found.file is None else str(found.file),
-            "presses_made": found.made,
-            "presses_kept": found.kept,
-            "presses_wanted": found.wanted,
-            "frames": found.frames,
-            "complete": found.is_complete,
-            "seconds": round(seconds, 1),
-            "tip_at": None if tip is None else list(tip),
-        }
-        print_json(document)
-        return
-    say(
+def _told(found: Collected, tip: Position | None, seconds: float) -> Told:
+    document = {
+        "file": None if found.file is None else str(found.file),
+        "presses_made": found.made,
+        "presses_kept": found.kept,
+        "presses_wanted": found.wanted,
+        "frames": found.frames,
+        "complete": found.is_complete,
+        "seconds": round(seconds, 1),
+        "tip_at": None if tip is None else list(tip),
+    }
+    lines = [
         f"{found.made} presses made in {seconds:.0f} s; {found.kept} of {found.wanted} are kept, {found.frames} frames"
-    )
+    ]
     if not found.is_complete:
-        say(f"next      run the command again for the others, with --tip-at {_words(tip)} or --origin")
+        lines.append(
+            f"next      run the command again for the others, with --tip-at {_words(tip)} or --origin"
+        )
     if found.file is not None:
-        say(f"files     {found.file}")
+        lines.append(f"files     {found.file}")
+    return Told(document, lines)

@@ -9,7 +9,7 @@ import numpy as np
 
 from optopad.design.arrays import FloatArray
 from optopad.fabrication.driver.touch_reader import AXES, Touch, TouchReader, with_sigma
-from optopad.sensor.driver_view import link_line
+from optopad.screen.live_sensor import link_line
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
