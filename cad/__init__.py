@@ -1,1 +1,1 @@
-"""Printable parts of a design: CAD solids, volume formulas, checks and export as files."""
+"""Printable parts of a design: CAD solids, checks and export as files."""

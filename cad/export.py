@@ -13,21 +13,30 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import cadquery as cq
+import numpy as np
 
 from optopad.cad.checks import Checks, PartFile, check_parts, with_slices
-from optopad.cad.indenter_tip import indenter_tip, indenter_tip_volume_mm3
-from optopad.cad.leveling_blade import blade_size, leveling_blade
+from optopad.cad.indenter_tip import indenter_tip
+from optopad.cad.leveling_blade import leveling_blade
 from optopad.cad.lid import lid, lid_size, turned_over
-from optopad.cad.mesh import CHORD_MM, Mesh, mesh_of, stl_bytes, threemf_bytes
+from optopad.cad.mesh import (
+    CHORD_MM,
+    Mesh,
+    mesh_of,
+    mold_picture,
+    read_stl,
+    section_picture,
+    stl_bytes,
+    threemf_bytes,
+)
 from optopad.cad.mold import build_mold, part_mold
-from optopad.cad.pour_gauge import gauge_size, pour_gauge
-from optopad.cad.solder_jig import jig_size, solder_jig
-from optopad.cad.volume import base_volume_mm3, lid_volume_mm3, mold_volume_mm3
+from optopad.cad.pour_gauge import pour_gauge
+from optopad.cad.solder_jig import solder_jig
 from optopad.design.file_sets import written_together
 from optopad.design.files import temporary_folder
 from optopad.design.mold.outline import bed_lift_mm, outline_of
@@ -47,6 +56,8 @@ FILES = (
     "solder_jig.stl",
     "indenter_tip.stl",
     "checks.json",
+    "mold.png",
+    "lid.png",
 )
 
 ADAPTIVE_SHARE = 1e-7
@@ -99,34 +110,47 @@ def part_files(
     """Content of every file, by file name."""
     lift, mold = bed_lift_mm(design), build_mold(design)
     mold_mesh = mesh_of(mold, lift, chord_mm=_chord_mm(design))
-    title = f"{design.name} mold {design.digest[:8]}"
+    title = f"{design.name} mold {design.mold_digest[:8]}"
     files = {
         "mold.stl": stl_bytes(mold_mesh),
         "mold.step": step_bytes(mold.translate((0, 0, lift)), design.name),
         "mold.3mf": threemf_bytes(mold_mesh, title),
     }
-    printed = [_part_file("mold", files["mold.stl"], mold, mold_volume_mm3(design))]
+    printed = [_part_file("mold", files["mold.stl"], mold)]
     for part in (*_pieces(design, mold), *_lid(design), *_tools(design)):
         content = stl_bytes(part.mesh or mesh_of(part.solid, part.lift_mm))
         files[f"{part.name}.stl"] = content
-        printed.append(_part_file(part.name, content, part.solid, part.formula_mm3))
+        printed.append(_part_file(part.name, content, part.solid))
     checks = check_parts(design, tuple(printed), bed_mm=bed_mm)
     if slice_parts:
         checks = with_slices(checks, design, tuple(printed), bed_mm)
     files["checks.json"] = checks_bytes(checks)
-    return files
+    return files | _pictures(design, files)
+
+
+def _pictures(design: SensorDesign, files: Mapping[str, bytes]) -> dict[str, bytes]:
+    """Pictures of the mold, and of the mold and its lid cut through the middle, as PNG files."""
+    mold, size = read_stl(files["mold.stl"]), lid_size(design)
+    found = {"mold.png": mold_picture(mold)}
+    if size is not None:
+        lift = np.array([0.0, 0.0, bed_lift_mm(design)], dtype=np.float32)
+        closed = (
+            Mesh(vertices=mold.vertices - lift, triangles=mold.triangles),
+            turned_over(read_stl(files["lid.stl"]), design, size),
+        )
+        found["lid.png"] = section_picture(closed, design.cavity.width_mm / 2)
+    return found
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Part:
-    """A solid to print and its volume by formula; `lift_mm` is the height by which it is raised onto the print bed.
+    """A solid to print; `lift_mm` is the height by which it is raised onto the print bed.
 
     If `mesh` is given, it is written instead of the solid; it is already on the bed.
     """
 
     name: str
     solid: cq.Workplane
-    formula_mm3: float
     lift_mm: float = 0.0
     mesh: Mesh | None = None
 
@@ -139,29 +163,27 @@ def _chord_mm(design: SensorDesign) -> float | None:
 def _pieces(design: SensorDesign, mold: cq.Workplane) -> Iterator[_Part]:
     if design.mold.pieces == "one":
         return
-    outline, base_mm3 = outline_of(design), base_volume_mm3(design)
+    outline = outline_of(design)
     frame, base = part_mold(mold, outline)
-    frame_mm3 = mold_volume_mm3(design) - base_mm3
-    yield _Part(name="mold_frame", solid=frame, formula_mm3=frame_mm3, lift_mm=-outline.cavity_bottom_mm)
-    yield _Part(name="mold_base", solid=base, formula_mm3=base_mm3, lift_mm=bed_lift_mm(design))
+    yield _Part(name="mold_frame", solid=frame, lift_mm=-outline.cavity_bottom_mm)
+    yield _Part(name="mold_base", solid=base, lift_mm=bed_lift_mm(design))
 
 
 def _lid(design: SensorDesign) -> Iterator[_Part]:
     solid, size = lid(design), lid_size(design)
     if solid is not None and size is not None:
         mesh = turned_over(mesh_of(solid, chord_mm=CHORD_MM), design, size)
-        yield _Part(name="lid", solid=solid, formula_mm3=lid_volume_mm3(design), mesh=mesh)
+        yield _Part(name="lid", solid=solid, mesh=mesh)
 
 
 def _tools(design: SensorDesign) -> Iterator[_Part]:
-    blade, size = leveling_blade(design), blade_size(design)
-    if blade is not None and size is not None:
-        yield _Part(name="leveling_blade", solid=blade, formula_mm3=size.volume_mm3)
-    gauge, teeth = pour_gauge(design), gauge_size(design)
-    if gauge is not None and teeth is not None:
-        yield _Part(name="pour_gauge", solid=gauge, formula_mm3=teeth.volume_mm3)
-    yield _Part(name="solder_jig", solid=solder_jig(design), formula_mm3=jig_size(design).volume_mm3)
-    yield _Part(name="indenter_tip", solid=indenter_tip(design), formula_mm3=indenter_tip_volume_mm3(design))
+    made = {
+        "leveling_blade": leveling_blade(design),
+        "pour_gauge": pour_gauge(design),
+        "solder_jig": solder_jig(design),
+        "indenter_tip": indenter_tip(design),
+    }
+    return (_Part(name=name, solid=solid) for name, solid in made.items() if solid is not None)
 
 
 def checks_bytes(checks: Checks) -> bytes:
@@ -179,7 +201,7 @@ def step_bytes(part: cq.Workplane, name: str) -> bytes:
     return re.sub(r"Open CASCADE STEP translator [\d.]+( [\d.]+)?", "optopad mold", text).encode()
 
 
-def _part_file(name: str, stl: bytes, part: cq.Workplane, formula_mm3: float) -> PartFile:
+def _part_file(name: str, stl: bytes, part: cq.Workplane) -> PartFile:
     tolerance = ADAPTIVE_SHARE if name == "lid" else None
     solid_mm3 = float(part.val().Volume(tolerance))  # type: ignore[union-attr]
-    return PartFile(name=name, stl=stl, solid_mm3=solid_mm3, formula_mm3=formula_mm3)
+    return PartFile(name=name, stl=stl, solid_mm3=solid_mm3)

@@ -14,12 +14,10 @@ kernel makes one degenerate triangle, which `optopad.cad.mesh` removes.
 
 from __future__ import annotations
 
-import math
-
 import cadquery as cq
 
 from optopad.design.spec import SensorDesign
-from optopad.design.spec.indenter import tip_outline, tip_volume_mm3
+from optopad.design.spec.indenter import tip_outline
 
 SHANK_MM = 20.0
 """Length of the shank for the chuck, in addition to the length for the deepest press."""
@@ -28,12 +26,6 @@ SHANK_MM = 20.0
 def shank_mm(design: SensorDesign) -> float:
     """Length of the cylinder below the shaped tip [mm]."""
     return SHANK_MM + design.operating.max_depth_mm
-
-
-def indenter_tip_volume_mm3(design: SensorDesign) -> float:
-    """Volume by formula [mm3]: the body of revolution of the tip's outline, and the cylinder."""
-    radius = design.indenter.tip_radius_mm
-    return math.pi * radius**2 * shank_mm(design) + tip_volume_mm3(design.indenter)
 
 
 def indenter_tip(design: SensorDesign) -> cq.Workplane:

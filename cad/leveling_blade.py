@@ -53,13 +53,6 @@ class BladeSize:
     tongue_mm: float
     reach_mm: float
 
-    @property
-    def volume_mm3(self) -> float:
-        """Volume by formula [mm3]: bar and tongue, less the bevel's triangle."""
-        bevel = min(THICKNESS_MM - EDGE_MM, self.reach_mm)
-        flat = self.span_mm * GRIP_MM + self.tongue_mm * self.reach_mm
-        return flat * THICKNESS_MM - self.tongue_mm * bevel**2 / 2
-
 
 def blade_size(design: SensorDesign) -> BladeSize | None:
     """Dimensions of a design's blade; None for a design without a black layer or with a crowned pad."""

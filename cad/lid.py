@@ -84,19 +84,6 @@ class Plug:
         """Distance by which the draft moves the plug's sides inward at a depth below the flange [mm]."""
         return depth_mm * math.tan(math.radians(DRAFT_DEG))
 
-    def reaches(self, x_mm: float, y_mm: float, depth_mm: float, margin_mm: float) -> bool:
-        """Whether a point is inside the plug, at least `margin_mm` from its sides.
-
-        Parameters
-        ----------
-        x_mm, y_mm : position relative to the middle of the cavity
-        depth_mm : depth of the point below the flange
-        """
-        across, deep = (half - self.inset_mm(depth_mm) - margin_mm for half in self.half_mm)
-        if self.is_round:
-            return math.hypot(x_mm, y_mm) <= across
-        return abs(x_mm) <= across and abs(y_mm) <= deep
-
 
 @dataclass(frozen=True, kw_only=True)
 class Notch:
@@ -130,20 +117,6 @@ class LidSize:
     def flange_mm(self) -> float:
         """Thickness of the flange [mm]."""
         return self.back_mm - self.seat_mm
-
-    def forms_top(self, plan: Plan, x_mm: float, y_mm: float, *, margin_mm: float = 0.0) -> bool:
-        """Whether a point of the pad's top is shaped by the lid's concave face, not by the gap around the plug.
-
-        Parameters
-        ----------
-        plan : outline and top of the pad
-        x_mm, y_mm : position in the cavity's coordinate system
-        margin_mm : required distance from the edge of this face
-        """
-        (x, y), depth = plan.centre_mm, self.seat_mm - plan.top_mm(x_mm, y_mm)
-        if depth <= 0.0:
-            return self.has_dish
-        return self.plug is not None and self.plug.reaches(x_mm - x, y_mm - y, depth, margin_mm)
 
 
 def lid_size(design: SensorDesign) -> LidSize | None:

@@ -49,11 +49,6 @@ class GaugeSize:
     teeth_mm: tuple[float, float, float]
     spacing_mm: float
 
-    @property
-    def volume_mm3(self) -> float:
-        """Volume by formula [mm3]: bar and teeth."""
-        return (self.span_mm * GRIP_MM + TOOTH_MM * sum(self.teeth_mm)) * THICKNESS_MM
-
 
 def gauge_size(design: SensorDesign) -> GaugeSize | None:
     """Dimensions of a design's gauge; None for a mold without a rim or for a crowned pad."""

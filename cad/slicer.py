@@ -27,7 +27,7 @@ EXTRUDED_LOW, EXTRUDED_HIGH = 0.95, 1.08
 Good parts have 1.01 to 1.03, because overlaps of short lines add volume.
 """
 VOLUME_LIMIT = 1e-3
-"""Limit of the relative difference between the slicer's volume and the formula; a repaired mesh exceeds it."""
+"""Limit of the relative difference between the slicer's volume and the solid; a repaired mesh exceeds it."""
 TIMEOUT_S = 300
 MM3_PER_CM3 = 1e3
 

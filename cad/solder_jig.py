@@ -9,13 +9,10 @@ The jig has space for one part of each type. This view from above shows a surfac
       |  | body   |     o    o     |   recess: the part is on its active face, pads up
       |  +--------+                |   holes: drilled with the mold's lead drill they check the pitch, and hold
       +----------------------------+   the leads of a radial part upright
-
-The volume is computed by formula, because recess, grooves and holes touch but do not overlap.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -56,13 +53,6 @@ class JigSize:
     boxes: tuple[Box, ...]
     holes: tuple[Hole, ...]
     part_ids: tuple[str, ...]
-
-    @property
-    def volume_mm3(self) -> float:
-        """Volume by formula [mm3]: the plate less its cuts."""
-        cut = sum((box.x1 - box.x0) * (box.y1 - box.y0) * (box.z1 - box.z0) for box in self.boxes)
-        drilled = sum(math.pi * hole.radius**2 * (hole.z1 - hole.z0) for hole in self.holes)
-        return self.length_mm * self.width_mm * THICKNESS_MM - cut - drilled
 
 
 def jig_size(design: SensorDesign) -> JigSize:

@@ -35,6 +35,9 @@ from optopad.design.shape.cavity import workspace_of
 from optopad.design.shape.outline import Outline, rectangle
 from optopad.design.spec import SensorDesign, canonical_json
 
+QUICK_PROTOCOL = "piacenza2017-quick"
+"""Name of the packaged protocol of a quick prediction."""
+
 
 class LoadProtocol(Model):
     """Motion of a tip while its load is measured: equal steps to the deepest press and back, with pauses."""

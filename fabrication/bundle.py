@@ -4,6 +4,10 @@ A command works in a hidden folder next to the bundle, into which it first copie
 command writes the manifest, flushes everything to the disk, and swaps the two folders. If the computer stops during
 the swap, the next command that writes to the bundle restores it.
 
+The manifest says of every file which inputs it was made from: the part of the design, the seed, the settings and the
+program, each set named by its digest. A part whose inputs are the same and whose files are intact need not be made
+again (`is_current`).
+
 Several commands, processes and threads may work on one bundle at a time. Each has its own hidden folder, which is
 locked while it is in use. Before the swap, files that other commands have finished in the meantime are copied into the
 hidden folder. If two commands wrote the same file, the version of the later swap remains. Only one command at a time
@@ -18,6 +22,7 @@ A symbolic link in place of the bundle, or of a folder that commands write into,
 
 from __future__ import annotations
 
+import glob
 import hashlib
 import json
 import os
@@ -25,8 +30,10 @@ import platform
 import re
 import secrets
 import shutil
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -40,7 +47,28 @@ MANIFEST = "manifest.json"
 FOLDERS = ("cad", "fabrication", "sims")
 """Subfolders of a bundle that commands write into; files elsewhere in the bundle belong to the user."""
 WAY_OUT = "choose another folder with --out (an earlier bundle is intact)"
+ROOMS, SOURCES = ("design", "cad", "sims", "fabrication"), ("*.py", "*.toml", "*.npz", "*.j2")
+"""Packages and kinds of files that the program consists of."""
 RECORDED_PACKAGES = ("optopad", "numpy", "scipy", "numba", "mujoco", "cadquery", "trimesh", "manifold3d")
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of a bundle, and what it is made from.
+
+    Attributes
+    ----------
+    inputs : all that its files depend on, as plain data
+    folders : beginnings of its files' paths, such as "cad/"
+    """
+
+    inputs: Mapping[str, Any]
+    folders: tuple[str, ...]
+
+    @property
+    def digest(self) -> str:
+        """The first 16 digits of the inputs' SHA-256, which name them in the manifest."""
+        return hashlib.sha256(json.dumps(self.inputs, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def bundle_name(design: SensorDesign) -> str:
@@ -53,13 +81,14 @@ _UNDER_WAY: set[Path] = set()
 
 
 @contextmanager
-def bundle(design: SensorDesign, out: Path, *, seed: int) -> Iterator[Path]:
+def bundle(design: SensorDesign, out: Path, *, seed: int, parts: Sequence[Part] = ()) -> Iterator[Path]:
     """Yield a folder to write into, which becomes the design's bundle if the `with` block succeeds.
 
     Parameters
     ----------
     out : folder that contains the bundles; created if missing
     seed : seed of the random numbers, recorded in the manifest
+    parts : the parts that the block makes, with their inputs; for files of none, the whole design and the seed count
 
     Raises
     ------
@@ -78,12 +107,13 @@ def bundle(design: SensorDesign, out: Path, *, seed: int) -> Iterator[Path]:
                 lock = locked(staging)
         except OSError as err:
             raise unwritable(final, err, WAY_OUT) from err
-        begun_with = _digests(staging)
+        begun_with, times = _digests(staging), _times(staging)
         yield staging
         save_design(design, staging / "design.toml")
         with alone_in(final.parent):
-            _fetch(staging, final, begun_with)
-            write_manifest(staging, design, seed)
+            fetched = _fetch(staging, final, begun_with)
+            new = {name for name, time in _times(staging).items() if times.get(name) != time} - fetched
+            write_manifest(staging, design, seed, parts, new)
             _flush(staging)
             _swap(staging, final)
     except OSError as err:
@@ -103,23 +133,81 @@ def abandon() -> None:
         shutil.rmtree(staging, ignore_errors=True)
 
 
-def write_manifest(folder: Path, design: SensorDesign, seed: int) -> None:
-    """Write ``manifest.json``: digest, versions, seed, and every file with its size and SHA-256.
+def write_manifest(
+    folder: Path, design: SensorDesign, seed: int, parts: Sequence[Part], new: Collection[str]
+) -> None:
+    """Write ``manifest.json``: digest, versions, seed, and every file with its size, SHA-256 and inputs.
 
     Several commands may fill one bundle. The list ``runs`` has the seed and versions of each, and the entry of a file
-    contains the index of the run that wrote the file. ``seed`` and ``versions`` are those of the last run.
+    contains the index of the run that wrote the file. ``seed`` and ``versions`` are those of the last run. The entry
+    ``made_from`` of a file names one of ``inputs``, which lists what the file depends on, and all files made from it.
+
+    Parameters
+    ----------
+    parts : the parts that the command made
+    new : names of the files that the command wrote
     """
+    rest = Part({"design": design.digest, "seed": seed, "program": program_digest()}, ("",))
     this_run = {"seed": seed, "versions": versions()}
     former = _former_manifest(folder)
     runs = [run for run in former["runs"] if run != this_run] + [this_run]
-    files = {}
+    files: dict[str, dict[str, Any]] = {}
+    names: dict[str, list[str]] = {}
     for name in _files(folder):
         record, known = _record(folder / name), former["files"].get(name, {})
         same = known.get("sha256") == record["sha256"]
         made_by = former["runs"][known["run"]] if same else this_run
-        files[name] = {**record, "run": runs.index(made_by)}
-    document = {"name": design.name, "digest": design.digest, **this_run, "runs": runs, "files": files}
+        made_from = known.get("made_from") if same else None
+        part = next(one for one in (*parts, rest) if name.startswith(one.folders))
+        if name in new and (part is not rest or not same):
+            made_from = part.digest
+            names.setdefault(part.digest, []).append(name)
+        files[name] = {**record, "run": runs.index(made_by), "made_from": made_from}
+    made = {
+        part.digest: {**part.inputs, "files": names[part.digest]}
+        for part in (*parts, rest)
+        if part.digest in names
+    }
+    used = {record["made_from"] for record in files.values()}
+    inputs = {digest: one for digest, one in (former["inputs"] | made).items() if digest in used}
+    document = {
+        "name": design.name, "digest": design.digest, **this_run, "runs": runs, "inputs": inputs, "files": files
+    }  # fmt: skip
     write_text_atomically(folder / MANIFEST, json.dumps(document, indent=2, sort_keys=True) + "\n")
+
+
+def is_current(folder: Path, part: Part) -> bool:
+    """Whether a bundle has a part that was made from the same inputs, with all of its files as they were made."""
+    manifest = _former_manifest(folder)
+    files = manifest["inputs"].get(part.digest, {}).get("files", [])
+    return bool(files) and all(
+        manifest["files"].get(name, {}).get("made_from") == part.digest
+        and (folder / name).is_file()
+        and _record(folder / name)["sha256"] == manifest["files"][name]["sha256"]
+        for name in files
+    )
+
+
+def copy_part(part: Part, folder: Path, out: Path, name: str) -> bool:
+    """Copy a part into `folder` from another bundle of the same name in `out`, if one has it; returns whether so."""
+    for other in sorted(out.glob(f"{glob.escape(name)}-????????")):
+        if is_current(other, part):
+            for file in _former_manifest(other)["inputs"][part.digest]["files"]:
+                (folder / file).parent.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(other / file, folder / file)
+            return True
+    return False
+
+
+@cache
+def program_digest() -> str:
+    """The first 16 digits of the SHA-256 of this program: its sources and data, and the packages it depends on."""
+    digest = hashlib.sha256(json.dumps(versions()).encode())
+    package = Path(__file__).parents[1]
+    for folder in (package, *(package / room for room in ROOMS)):  # in a checkout the rooms are links
+        for path in sorted(found for kind in SOURCES for found in folder.rglob(kind)):
+            digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
 
 
 def altered_files(folder: Path) -> tuple[str, ...]:
@@ -206,8 +294,14 @@ def _digests(folder: Path) -> dict[str, str]:
     return {name: _record(folder / name)["sha256"] for name in _files(folder)}
 
 
-def _fetch(staging: Path, final: Path, begun_with: dict[str, str]) -> None:
+def _times(folder: Path) -> dict[str, int]:
+    return {name: (folder / name).stat().st_mtime_ns for name in _files(folder)}
+
+
+def _fetch(staging: Path, final: Path, begun_with: dict[str, str]) -> set[str]:
     """Copy into `staging` the files that other commands changed in the bundle since this command began.
+
+    Returns the names of these files.
 
     `begun_with` contains the digests of the bundle's files when this command began. A file that this command has also
     written is not replaced.
@@ -215,18 +309,20 @@ def _fetch(staging: Path, final: Path, begun_with: dict[str, str]) -> None:
     _require_no_link(final)
     now = _digests(final)
     if now == begun_with or not final.exists():
-        return
-    own = _digests(staging)
+        return set()
+    own, fetched = _digests(staging), set()
     for name in now.keys() | begun_with.keys():
         if now.get(name) == begun_with.get(name) or own.get(name) != begun_with.get(name):
             continue  # the others did not change it, or this command also wrote it
         here = staging / name
+        fetched.add(name)
         here.unlink(missing_ok=True)
         if name in now:
             here.parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(final / name, here, follow_symlinks=False)
     if (final / MANIFEST).is_file():
         shutil.copy2(final / MANIFEST, staging / MANIFEST)  # it names the runs of the fetched files
+    return fetched
 
 
 def _flush(folder: Path) -> None:
@@ -286,15 +382,19 @@ def _record(file: Path) -> dict[str, Any]:
 
 
 def _former_manifest(folder: Path) -> dict[str, Any]:
-    """Runs and files listed in the previous manifest; both are empty if it is missing or damaged."""
-    nothing: dict[str, Any] = {"runs": [], "files": {}}
+    """Runs, inputs and files listed in the previous manifest; all are empty if it is missing or damaged."""
+    nothing: dict[str, Any] = {"runs": [], "inputs": {}, "files": {}}
     try:
         document = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
         runs, files = list(document["runs"]), dict(document["files"])
+        inputs = {
+            name: {**one, "files": [str(file) for file in one["files"]]}
+            for name, one in document["inputs"].items()
+        }
         complete = all(record["run"] in range(len(runs)) for record in files.values())
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return nothing
-    return {"runs": runs, "files": files} if complete else nothing
+    return {"runs": runs, "inputs": inputs, "files": files} if complete else nothing
 
 
 def _is_elsewhere(err: OSError, out: Path) -> bool:

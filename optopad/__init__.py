@@ -10,25 +10,28 @@
         for touch in optopad.TouchReader(sensor, optopad.load_model("pad.optomodel")).touches(seconds=3.0):
             print(touch)
 
-Parts, each importing only earlier ones: work, screen, results, report, jobs, sensor. Entry points: api (Python), cli
+Parts, each importing only earlier ones: work, screen, report, jobs, sensor. Entry points: api (Python), cli
 (terminal).
 """
 
 from optopad.api import __getattr__ as __getattr__
 from optopad.api import (
-    check,
-    compare,
-    improve,
     load,
     load_model,
-    predict,
     presets,
     read_recording,
-    run,
     save,
-    score,
-    sweep,
 )
+
+TYPE_CHECKING = False  # as in typing, which takes a while to load
+if TYPE_CHECKING:
+    from optopad.verbs.check import check as check
+    from optopad.verbs.compare import compare as compare
+    from optopad.verbs.improve import improve as improve
+    from optopad.verbs.predict import predict as predict
+    from optopad.verbs.run import run as run
+    from optopad.verbs.score import score as score
+    from optopad.verbs.sweep import sweep as sweep
 
 __version__ = "0.2.0"
 

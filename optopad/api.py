@@ -7,22 +7,14 @@ command line does.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from importlib import import_module
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from optopad.design.progress import OnStep, silent
-
 if TYPE_CHECKING:
     from optopad.design.spec import SensorDesign
     from optopad.fabrication.driver.recording.recorded import Recorded
-    from optopad.results.comparison import Comparison
-    from optopad.results.improvement import Improvement
-    from optopad.results.prediction import Prediction
-    from optopad.results.score import Bundle, Checked, Score
-    from optopad.results.sweep import Sweep
     from optopad.sims.learning.inference.touch_model import TouchModel
 
 OUT = "outputs"
@@ -66,195 +58,6 @@ def save(design: SensorDesign, file: str | PathLike[str]) -> Path:
     return Path(file)
 
 
-def check(design: SensorDesign) -> Checked:
-    """Check a design against the design rules: whether the pad can be manufactured and its verdict computed.
-
-    The findings are those of `optopad check`.
-    """
-    from optopad.design.rules.check import check as findings_of
-    from optopad.results.score import Checked
-
-    return Checked(design=design, findings=findings_of(design))
-
-
-def score(
-    design: SensorDesign,
-    *,
-    fine: bool = False,
-    full: bool = False,
-    seed: int = 0,
-    on_step: OnStep | None = None,
-) -> Score:
-    """Compute the verdict on a design, with its figures, maps and plots.
-
-    Parameters
-    ----------
-    full : whether to compute the map at 11 locations along the longer side and in depth steps of 0.1 mm
-    fine : whether to compute the map as with `full`, and also with finer settings of the light model
-    seed : seed of the random shifts of the light model
-
-    Raises
-    ------
-    DesignError : the design breaks a rule; `check` lists them.
-    """
-    from optopad.results.score import Score
-    from optopad.sims.score.scoring import score as judge
-
-    return Score(design=design, found=judge(design, fine=fine, full=full, seed=seed, on_step=on_step))
-
-
-def sweep(
-    design: SensorDesign,
-    field: str,
-    values: Sequence[Any],
-    *,
-    fine: bool = False,
-    seed: int = 0,
-    out: str | PathLike[str] = OUT,
-    on_step: OnStep | None = None,
-) -> Sweep:
-    """Score a design at several values of a field (a dotted path); table and figure are written to the bundle.
-
-    Raises
-    ------
-    DesignError, InputError : a field or value is invalid; nothing was computed.
-    """
-    from optopad.jobs.sweep import run_sweep
-
-    return run_sweep(
-        design, field, values, Path(out), fine=fine, seed=seed, build=False, on_step=on_step or silent
-    )
-
-
-def compare(
-    designs: Mapping[str, SensorDesign] | Sequence[SensorDesign],
-    *,
-    fine: bool = False,
-    seed: int = 0,
-    out: str | PathLike[str] = OUT,
-    on_step: OnStep | None = None,
-) -> Comparison:
-    """Compare designs: the fields in which they differ, and the best design by each figure.
-
-    Page and picture are written into the first design's bundle.
-
-    Parameters
-    ----------
-    designs : two or more designs, as a mapping from names to designs, or as a sequence that uses the designs' own
-        names; equal names are numbered
-
-    Raises
-    ------
-    DesignError, InputError : too few designs are given, a design is given twice, or a design breaks a rule.
-    """
-    from optopad.jobs.compare import compare as hold
-    from optopad.results.comparison import labelled
-
-    named = labelled(designs)
-    return hold(list(named.values()), list(named), Path(out), fine=fine, seed=seed, on_step=on_step or silent)
-
-
-def improve(
-    design: SensorDesign,
-    *,
-    vary: Mapping[str, tuple[float, float] | None] | None = None,
-    keep: Sequence[str] = (),
-    more_parts: bool = False,
-    aim: str | None = None,
-    budget_min: float | None = None,
-    seed: int = 0,
-    out: str | PathLike[str] = OUT,
-    on_step: OnStep | None = None,
-) -> Improvement:
-    """Find up to four verified changes that fix or improve a design, and write the changed designs as files.
-
-    The same call continues an interrupted search.
-
-    Parameters
-    ----------
-    vary : fields to vary in addition to the default ones, each with its range or None for the default range
-    keep : fields to leave unchanged
-    more_parts : whether the search may also add parts to a side
-    aim : what better means: margin, location, contact, size or flush; None for few changes, robustness, depth and
-        accuracy
-    budget_min : approximate time on two idle cores [min]; None for 3 min for a pad, 2 min for facing rows
-
-    Raises
-    ------
-    DesignError, InputError : the design, a field, a range, the aim or the budget is invalid.
-    """
-    from optopad.jobs.improvement import improve as search_around
-
-    return search_around(
-        design,
-        Path(out),
-        vary=vary,
-        keep=keep,
-        more_parts=more_parts,
-        aim=aim,
-        budget_min=budget_min,
-        seed=seed,
-        on_step=on_step,
-    )
-
-
-def predict(
-    design: SensorDesign,
-    *,
-    quick: bool = True,
-    learners: Sequence[str] = (),
-    seed: int = 0,
-    out: str | PathLike[str] = OUT,
-    on_step: OnStep | None = None,
-) -> Prediction:
-    """Predict the errors of learned models for touch, location and depth.
-
-    The paper's data collection is simulated, and models are trained and tested on the simulated data.
-
-    Parameters
-    ----------
-    quick : whether to use fewer presses and one learner (less than a minute) instead of the whole collection (minutes)
-    learners : names as for `optopad predict --learner`; empty for the default ones
-
-    Raises
-    ------
-    DesignError, InputError : the design or a name is invalid.
-    """
-    from optopad.jobs.prediction import QUICK, USUAL
-    from optopad.jobs.prediction import predict as foretell
-    from optopad.results.prediction import Prediction
-
-    found, folder = foretell(
-        design,
-        Path(out),
-        effort=QUICK if quick else USUAL,
-        learners=learners,
-        seed=seed,
-        on_step=on_step or silent,
-    )
-    return Prediction(design=design, found=found, folder=folder)
-
-
-def run(
-    design: SensorDesign,
-    *,
-    fine: bool = False,
-    seed: int = 0,
-    out: str | PathLike[str] = OUT,
-    on_step: OnStep | None = None,
-) -> Bundle:
-    """Make the whole bundle: mold, verdict, sheets, firmware, driver configuration, report.
-
-    Raises
-    ------
-    DesignError : the design breaks a rule.
-    OutputError : the folder cannot be written.
-    """
-    from optopad.jobs.pipeline import run as make
-
-    return make(design, Path(out), fine=fine, seed=seed, on_step=on_step or silent)
-
-
 def load_model(file: str | PathLike[str]) -> TouchModel:
     """Read a trained model, which `optopad.TouchReader` applies to a sensor's frames.
 
@@ -286,16 +89,23 @@ def read_recording(
     return read_recorded(Path(file), topic=topic, press_topic=press_topic)
 
 
-_DRIVER = {
+_LATER = {
     "Observations": "optopad.fabrication.driver.observations",
-    "Sensor": "optopad.sensor.driver_view",
+    "Sensor": "optopad.sensor",
     "TouchReader": "optopad.fabrication.driver.touch_reader",
+    "check": "optopad.verbs.check",
+    "compare": "optopad.verbs.compare",
+    "improve": "optopad.verbs.improve",
+    "predict": "optopad.verbs.predict",
+    "run": "optopad.verbs.run",
+    "score": "optopad.verbs.score",
+    "sweep": "optopad.verbs.sweep",
 }
-"""Classes of `import optopad` that are imported when first used, and their modules."""
+"""Names of `import optopad` that are imported when first used, and their modules."""
 
 
 def __getattr__(name: str) -> Any:
-    """A class of the driver, as an attribute of `optopad`."""
-    if name not in _DRIVER:
+    """A verb, or a class of the driver, as an attribute of `optopad`."""
+    if name not in _LATER:
         raise AttributeError(f"module 'optopad' has no attribute {name!r}")
-    return getattr(import_module(_DRIVER[name]), name)
+    return getattr(import_module(_LATER[name]), name)

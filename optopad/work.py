@@ -6,7 +6,7 @@ thread while compiled code traces light.
 Finished parts of long work are stored next to the bundle, so that an interrupted command continues from them. Each part
 is one line of JSON, appended and flushed as soon as the part is finished. A line that a power cut left incomplete is
 ignored. A store is valid for the same work only. Its file name contains a hash of the request (digests, seed, settings)
-and of all sources and data on which a result depends, so a changed program never reuses an old result. The file is
+and of the program, so a changed program never reuses an old result. The file is
 removed when the work is done.
 """
 
@@ -20,18 +20,20 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 from weakref import WeakSet
 
-from optopad import design, sims
 from optopad.design.errors import InputError
 from optopad.design.files import temporary_folder, unwritable
 from optopad.design.toml_text import parsed_toml
+from optopad.fabrication.bundle import program_digest
 
 if TYPE_CHECKING:
     from optopad.design.spec import SensorDesign
+
+OUT = "outputs"
+"""Default folder of the bundles, which are the output folders of designs."""
 
 _STARTED: WeakSet[subprocess.Popen[str]] = WeakSet()
 
@@ -87,7 +89,7 @@ def beside(work: Callable[[], Made]) -> Iterator[Callable[[], Made]]:
         started.result()
 
 
-def read_design(where: str, changes: list[str] | None) -> SensorDesign:
+def read_design(where: str, changes: Sequence[str] | None) -> SensorDesign:
     """Load a design file, a bundle's design, or a preset, and apply ``--set`` changes.
 
     Raises
@@ -131,10 +133,6 @@ def parsed_value(text: str) -> Any:
         return text
 
 
-SOURCES = ("*.py", "*.toml", "*.npz")
-ROOMS = (design, sims)
-
-
 class FinishedWork:
     """A store of a long computation's finished results by name, in memory and in one file.
 
@@ -146,7 +144,7 @@ class FinishedWork:
     """
 
     def __init__(self, out: Path, title: str, asked: object) -> None:
-        text = json.dumps([asked, source_digest()], sort_keys=True)
+        text = json.dumps([asked, program_digest()], sort_keys=True)
         self.path = out / f".{title}.{hashlib.sha256(text.encode()).hexdigest()[:16]}.jsonl"
         self._results = _read(self.path)
 
@@ -179,18 +177,6 @@ class FinishedWork:
         """Remove the file; to be called when the work is done and the result is in the bundle."""
         self._results = {}
         self.path.unlink(missing_ok=True)
-
-
-@cache
-def source_digest() -> str:
-    """SHA-256, as 64 hexadecimal digits, over all sources and data that a result may depend on."""
-    digest = hashlib.sha256()
-    for room in ROOMS:
-        folder = Path(str(room.__file__)).parent
-        for path in sorted(found for pattern in SOURCES for found in folder.rglob(pattern)):
-            digest.update(str(path.relative_to(folder)).encode())
-            digest.update(path.read_bytes())
-    return digest.hexdigest()
 
 
 def _read(path: Path) -> dict[str, Any]:

@@ -5,11 +5,10 @@ are drawn alike into kinds of light. A class that is not in the table is drawn a
 are those of the signal plots (Okabe and Ito 2008), and pale versions of them for a dark background. Dashes and marks
 differ too, so that nothing depends on colour alone.
 
-Paths are random walks of the ray tracer (`optopad.sims.optics.oracle.paths`). Powers are integrals of the light model
+Paths are random walks (`optopad.sims.optics.paths`). Powers are integrals of the light model
 (`optopad.sims.optics.tracing`), because a few dozen paths are too few to compute them. Powers are those of the whole
 pressed surface. Paths are drawn on the axisymmetric surface around the press axis, without the effect of walls, which
-is a few tenths of a millimetre near them. Both models classify light alike, except at the border between `top` and
-`skirt`, which are one kind here.
+is a few tenths of a millimetre near them. Both classify light alike.
 
 Within a kind, a path is drawn with a probability proportional to its power. The number of paths drawn of a kind is at
 least a few and grows with the square root of its power. So weak kinds are visible, and strong ones do not hide them. To
@@ -29,8 +28,8 @@ from optopad.design.arrays import FloatArray
 from optopad.design.spec import SensorDesign
 from optopad.sims.optics.engine.trace_states import Accuracy
 from optopad.sims.optics.light_signals import LightSignals
-from optopad.sims.optics.oracle.paths import LOST as NO_RECEIVER
-from optopad.sims.optics.oracle.paths import LightPath, LightWalker
+from optopad.sims.optics.paths import LOST as NO_RECEIVER
+from optopad.sims.optics.paths import LightPath, LightWalker
 from optopad.sims.optics.scene.lower import scene_of
 from optopad.sims.optics.tracing import trace
 from optopad.sims.press import Indentation
@@ -125,7 +124,7 @@ LOST = LightKind(
     title="lost",
     words="absorbed by walls, bottom or tip, or lost through the top",
     mode=None,
-    classes=("walls", "bottom", "tip", "volume", "escaped", "uncounted", "unsubmerged", "unresolved"),
+    classes=("walls", "bottom", "tip", "escaped", "uncounted"),
     colour="#5b6470",
     night_colour="#98a1ac",
     dash=(1.0, 2.0),
@@ -162,7 +161,7 @@ POOL_PER_PATH = 20
 FEWEST = 5
 """Smallest number of paths drawn of a kind of light, if that many were found."""
 MOST_RAYS = 2_000_000
-"""Largest number of rays tried for an emitter under one press; they take 1 to 3 s."""
+"""Largest number of rays tried for an emitter under one press; they take a second or two."""
 
 
 @dataclass(frozen=True, kw_only=True)

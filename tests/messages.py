@@ -19,7 +19,8 @@ from optopad.design.errors import DesignError
 from optopad.design.io import load_design
 from optopad.design.preset import PRESETS, preset
 from optopad.design.rules.check import notes, require_valid
-from optopad.screen.verdict import checks_line, verdict_screen
+from optopad.screen.answer import checks_line
+from optopad.screen.verdict import verdict_screen
 from optopad.screen.verdict_sentences import cause_sentence
 from tests.design.bad_designs import BAD_DESIGNS, FILE_NAME, design_text, put
 from tests.design.parts import test_catalog

@@ -48,7 +48,7 @@ FLOORS: dict[str, tuple[str, ...]] = {
         *("learning", "plots"),
     ),
     "sims/contact": ("wedge", "walls", "library", "indentation", "pad_surface"),
-    "sims/optics": ("scene", "surface", "oracle", "engine", "tracing"),
+    "sims/optics": ("scene", "surface", "engine", "paths", "tracing"),
     "sims/optics/engine": (
         "straight",
         "mirrored",
@@ -61,7 +61,7 @@ FLOORS: dict[str, tuple[str, ...]] = {
     "sims/learning": ("inference", "samples", "fits", "calibration"),
     "fabrication": ("driver_file", "sketch", "driver_config", "sheets", "ros2", "driver", "stage"),
     "fabrication/driver": ("link", "simulated", "recording", "stream", "sensor", "observations"),
-    "optopad": ("work", "screen", "results", "report", "jobs", "sensor", "studio", "api", "cli"),
+    "optopad": ("work", "screen", "report", "jobs", "sensor", "studio", "cli", "verbs", "api"),
     "optopad/report": ("words", "scenes", "sections", "page"),
     "optopad/studio": ("session", "workshop", "live", "view"),
 }

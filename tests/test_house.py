@@ -63,7 +63,7 @@ ALLOWED = {
         "scipy",
         "numba",
     },  # numba tells when it compiles
-    "sims/contact": {"mujoco", "numpy", "scipy", "platformdirs"},
+    "sims/contact": {"mujoco", "numpy", "scipy", "platformdirs", "threadpoolctl"},
     "sims/optics": {
         "numba",
         "numpy",
@@ -71,7 +71,7 @@ ALLOWED = {
     },  # scipy lowers a profile to cubic pieces and draws Sobol points
     "sims/learning": {"numpy", "scipy", "sklearn", "threadpoolctl"},
     "sims/learning/inference": {"numpy"},
-    "fabrication": {"numpy", "pydantic", "tomlkit"},
+    "fabrication": {"jinja2", "markupsafe", "numpy", "pydantic", "tomlkit"},
     "fabrication/driver": {
         "serial",
         "numpy",
@@ -88,7 +88,19 @@ ALLOWED = {
     "fabrication/stage": {"numpy"},
     "optopad/studio/view": {"viser", "websockets", "msgspec", "numpy"},  # both are what viser speaks with
     "optopad": {
-        *("distributed", "matplotlib", "numba", "numpy", "platformdirs", "rich", "tomlkit", "typer", "xarray")
+        *(
+            "distributed",
+            "markdown_it",
+            "markupsafe",
+            "matplotlib",
+            "numba",
+            "numpy",
+            "platformdirs",
+            "rich",
+            "tomlkit",
+            "typer",
+            "xarray",
+        )
     },
 }
 """Third-party imports, the nearest folder deciding. OCP is CadQuery's core, pydantic_core is pydantic's."""
@@ -209,11 +221,12 @@ def test_every_library_that_a_room_imports_is_declared() -> None:
     )
     declared = {re.split(r"[<>=]", line)[0] for line in wanted} | {
         "OCP",
+        "markdown_it",
         "mcap_ros2",
         "pydantic_core",
         "serial",
         "sklearn",
-    }  # parts of others; mcap-ros2-support; pyserial; scikit-learn
+    }  # parts of others; markdown-it-py; mcap-ros2-support; pyserial; scikit-learn
     used = set().union(*(third_party(tree_of(path)) for path in python_files(*ROOMS)))
     assert used <= declared
 

@@ -8,7 +8,7 @@ every computer.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 
@@ -66,15 +66,6 @@ def area_mm2(strokes: Iterable[Stroke]) -> float:
     """Area of the union of strokes [mm2]."""
     grid = _Grid(tuple(strokes))
     return sum((grid.width(i) * grid.height(j) for i, j in grid.covered), 0.0)
-
-
-def integral(strokes: Iterable[Stroke], antiderivative: Callable[[float], float]) -> float:
-    """Integral of a function of x over the area covered by strokes, from the function's antiderivative."""
-    grid = _Grid(tuple(strokes))
-    return sum(
-        (antiderivative(grid.xs[i + 1]) - antiderivative(grid.xs[i])) * grid.height(j)
-        for i, j in sorted(grid.covered)
-    )
 
 
 def upper_edges_mm(strokes: Iterable[Stroke]) -> float:

@@ -25,8 +25,6 @@ from optopad.design.mold.lettering import (
     OVERLAP,
     Point,
     Stroke,
-    area_mm2,
-    integral,
     strokes_of,
     upper_edges_mm,
 )
@@ -45,12 +43,6 @@ strokes of 1.1 mm.
 COLUMNS, ROWS, GAP = 3, 5, 1
 
 
-def below_chord_mm2(beside_mm: float, radius_mm: float) -> float:
-    """Area between a circle and its tangent, from the point of contact to `beside_mm` along the tangent [mm2]."""
-    half = beside_mm / radius_mm
-    return radius_mm * beside_mm - radius_mm**2 / 2 * (half * math.sqrt(1 - half * half) + math.asin(half))
-
-
 @dataclass(frozen=True, kw_only=True)
 class PartNumber:
     """The name of an optical part as rectangles to cut into the mold.
@@ -67,15 +59,6 @@ class PartNumber:
     frame: WallFrame
     strokes: tuple[Stroke, ...]
     stroke_mm: float
-
-    @property
-    def volume_mm3(self) -> float:
-        """Volume that the name removes from the mold [mm3], less where a round outer face recedes from the facet."""
-        flat = area_mm2(self.strokes) * DEPTH_MM
-        if not self.frame.is_facet:
-            return flat
-        middle, radius = self.frame.length_mm / 2, self.frame.outer_radius_mm
-        return flat - integral(self.strokes, lambda x: below_chord_mm2(x - middle, radius))
 
     @property
     def ceiling_mm2(self) -> float:

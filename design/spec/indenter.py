@@ -163,11 +163,6 @@ def tip_height_mm(indenter: Indenter) -> float:
     return tip_outline(indenter)[-1].end[1]
 
 
-def tip_volume_mm3(indenter: Indenter) -> float:
-    """Volume of the tip between the apex and the beginning of the shank [mm3]."""
-    return math.fsum(_volume_mm3(piece) for piece in tip_outline(indenter))
-
-
 def tip_words(indenter: Indenter) -> str:
     """Description of the tip for reports and messages."""
     tip, pieces = indenter.tip_radius_mm, tip_outline(indenter)
@@ -287,21 +282,6 @@ def _pieces(tip: float, *, apex: float, edge: float, steepness: float) -> tuple[
     return tuple(found)
 
 
-def _volume_mm3(piece: Piece) -> float:
-    """Volume of revolution below a piece of the outline: the integral of pi r² dh along it [mm3]."""
-    (r0, h0), (r1, h1) = piece.start, piece.end
-    if piece.radius == 0.0:
-        return math.pi / 3.0 * (h1 - h0) * (r0 * r0 + r0 * r1 + r1 * r1)
-    return _arc_volume(piece, _angle(piece, piece.end)) - _arc_volume(piece, _angle(piece, piece.start))
-
-
 def _angle(piece: Piece, point: tuple[float, float]) -> float:
     """Angle of a point on an arc [rad], measured at the arc's centre from the downward direction."""
     return math.atan2(point[0] - piece.centre[0], piece.centre[1] - point[1])
-
-
-def _arc_volume(piece: Piece, angle: float) -> float:
-    """Antiderivative over the angle a of pi (c + q sin a)² q sin a, for an arc of radius q centred at radius c."""
-    c, q, cosine = piece.centre[0], piece.radius, math.cos(angle)
-    square = 0.5 * angle - 0.25 * math.sin(2.0 * angle)
-    return math.pi * (-c * c * q * cosine + 2.0 * c * q * q * square + q**3 * (cosine**3 / 3.0 - cosine))

@@ -551,6 +551,12 @@ class Operating(Model):
     ] = 3.0
 
 
+NOT_OF_MOLD = {"description", "measured", "surfaces", "board", "noise", "gain"}
+"""Parts of a design on which no printed part depends."""
+NOT_OF_SURFACE = {"name", "description", "measured", "board", "noise", "gain"}
+"""Parts of a design on which no pressed surface depends."""
+
+
 class SensorDesign(Model):
     """Complete specification of one sensor."""
 
@@ -673,7 +679,22 @@ class SensorDesign(Model):
     @cached_property
     def digest(self) -> str:
         """SHA-256 of the content as 64 hexadecimal digits, independent of formatting and key order."""
-        return hashlib.sha256(canonical_json(self.model_dump(mode="json")).encode()).hexdigest()
+        return self._digest_without(set())
+
+    @cached_property
+    def mold_digest(self) -> str:
+        """SHA-256 of all content but `NOT_OF_MOLD`: designs with equal ones have equal printed parts."""
+        return self._digest_without(NOT_OF_MOLD)
+
+    @cached_property
+    def surface_digest(self) -> str:
+        """SHA-256 of all content but `NOT_OF_SURFACE`: designs with equal ones have equal pressed surfaces."""
+        return self._digest_without(NOT_OF_SURFACE)
+
+    def _digest_without(self, parts: set[str]) -> str:
+        return hashlib.sha256(
+            canonical_json(self.model_dump(mode="json", exclude=parts)).encode()
+        ).hexdigest()
 
     def with_(self, **changes: Any) -> Self:
         """Return a copy with new values at dotted paths, such as ``with_(**{"cavity.clear_thickness_mm": 10})``.

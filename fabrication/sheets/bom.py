@@ -12,7 +12,6 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from optopad.cad.volume import mold_volume_mm3
 from optopad.design.circuit.circuit import Chips, Circuit
 from optopad.design.circuit.emitter_switch import (
     CurrentSink,
@@ -106,13 +105,25 @@ class BomRow:
     is_bought: bool = True
     note: str = ""
 
+    @property
+    def price(self) -> float | None:
+        """Price of all order units in the currency of the cost; None if one of them is not known."""
+        return (
+            None
+            if self.cost is None or self.order_quantity is None
+            else self.order_quantity * self.cost.value
+        )
 
-def bom_rows(design: SensorDesign, gain: SimulatedGain | None = None) -> tuple[BomRow, ...]:
+
+def bom_rows(
+    design: SensorDesign, gain: SimulatedGain | None = None, mold_mm3: float | None = None
+) -> tuple[BomRow, ...]:
     """All items of the bill of materials for one sensor.
 
     Parameters
     ----------
     gain : simulated gain from light to counts; if None, values that depend on it are not given
+    mold_mm3 : volume of the mold's solid; if None, the mold's weight is not given
     """
     circuit = Circuit.of(design)
     cavity, board = circuit.cavity, circuit.board
@@ -126,7 +137,7 @@ def bom_rows(design: SensorDesign, gain: SimulatedGain | None = None) -> tuple[B
         _header_row(cavity.parts),
         *_wire_rows(cavity.parts),
         *_silicone_rows(design),
-        *_printed_rows(design),
+        *_printed_rows(design, mold_mm3),
     )
 
 
@@ -426,18 +437,19 @@ def _silicone_rows(design: SensorDesign) -> Iterator[BomRow]:
         yield _ordered(black, "carbon-black")
 
 
-def _printed_rows(design: SensorDesign) -> Iterator[BomRow]:
+def _printed_rows(design: SensorDesign, mold_mm3: float | None) -> Iterator[BomRow]:
     material = find_mold_material(entries_of(design), design.mold.material)
-    density = material.density_g_per_cm3.value
-    mold_g = mold_volume_mm3(design) / MM3_PER_CM3 * density
-    files = "mold.stl" if design.mold.pieces == "one" else "mold_frame.stl and cad/mold_base.stl"
+    note = "cad/" + ("mold.stl" if design.mold.pieces == "one" else "mold_frame.stl and cad/mold_base.stl")
+    if mold_mm3 is not None:
+        mold_g = mold_mm3 / MM3_PER_CM3 * material.density_g_per_cm3.value
+        note += f"; {mold_g:.1f} g when printed solid"
     yield BomRow(
         item="printed mold",
         catalogue_id=design.mold.material,
         quantity=1,
         value=material.title,
         is_bought=False,
-        note=f"cad/{files}; {mold_g:.1f} g when printed solid",
+        note=note,
     )
     for tool, file in _tools(design):
         yield BomRow(

@@ -135,12 +135,12 @@ def bill_sum(rows: Sequence[BomRow]) -> BillSum:
     bought = [row for row in rows if row.is_bought]
     known: dict[str, float] = {}
     for row in bought:
-        if row.cost is not None and row.order_quantity is not None:
-            known[row.cost.currency] = known.get(row.cost.currency, 0.0) + row.order_quantity * row.cost.value
+        if row.cost is not None and row.price is not None:
+            known[row.cost.currency] = known.get(row.cost.currency, 0.0) + row.price
     return BillSum(
         known=known,
         rows=len(bought),
-        unpriced=sum(row.cost is None or row.order_quantity is None for row in bought),
+        unpriced=sum(row.price is None for row in bought),
         unnumbered=tuple(row.item for row in bought if not row.part_number),
     )
 
@@ -168,7 +168,7 @@ def held_against(rows: Sequence[BomRow], budget: Budget) -> HeldBudget:
     """Compare the prices in the budget's currency with it, and count the rows that have none."""
     known = bill_sum(rows).known.get(budget.currency, 0.0)
     unknown = sum(
-        row.cost is None or row.order_quantity is None or row.cost.currency != budget.currency
+        row.cost is None or row.price is None or row.cost.currency != budget.currency
         for row in rows
         if row.is_bought
     )

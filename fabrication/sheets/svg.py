@@ -1,7 +1,6 @@
-"""Makes shapes and circuit symbols of technical drawings as SVG elements.
+"""Makes shapes of technical drawings as SVG elements.
 
-Lengths are in drawing units (px), with y downward. Text is escaped and stripped of control characters. Circuit symbols
-are simplified shapes of IEC 60617.
+Lengths are in drawing units (px), with y downward. Text is escaped and stripped of control characters.
 """
 
 from __future__ import annotations
@@ -124,80 +123,3 @@ def _points(points: list[Point]) -> str:
 
 def _px(value: float) -> str:
     return f"{value:.2f}".rstrip("0").rstrip(".")
-
-
-LINE = "#222222"
-WIRE = {"stroke": LINE, "stroke_width": "1.6"}
-BOX = {"fill": "#ffffff", "stroke": LINE, "stroke_width": "1.6"}
-LONG, SHORT = 34.0, 11.0
-"""Length and width of a resistor symbol [drawing units]."""
-
-
-def wire(*points: Point) -> Element:
-    """A wire through points."""
-    return polyline(list(points), **WIRE)
-
-
-def dot(at: Point) -> Element:
-    """A filled dot, which marks a junction of wires."""
-    return circle(at, 2.6, fill=LINE)
-
-
-def resistor(centre: Point, *, upright: bool) -> Element:
-    """A resistor symbol, vertical if `upright`; wires meet it at half its length from the centre."""
-    half = (SHORT / 2, LONG / 2) if upright else (LONG / 2, SHORT / 2)
-    low = centre[0] - half[0], centre[1] - half[1]
-    return rectangle(low, (centre[0] + half[0], centre[1] + half[1]), **BOX)
-
-
-def capacitor(centre: Point) -> list[Element]:
-    """A capacitor between wires from the left and the right, which must end 3 units from its centre."""
-    x, y = centre
-    return [wire((x + side, y - 9), (x + side, y + 9)) for side in (-3.0, 3.0)]
-
-
-def ground(at: Point) -> list[Element]:
-    """A ground symbol below a wire that ends at `at`."""
-    x, y = at
-    return [wire((x - half, y + k * 4), (x + half, y + k * 4)) for k, half in enumerate((9.0, 6.0, 3.0))]
-
-
-def diode(centre: Point, *, emits: bool) -> list[Element]:
-    """An LED (cathode at the bottom) if `emits`, else a photodiode (cathode at the top). Wires meet it 8 units above
-    and below its centre."""
-    x, y = centre
-    way = 1.0 if emits else -1.0
-    triangle = [(x - 9, y - 8 * way), (x + 9, y - 8 * way), (x, y + 8 * way)]
-    bar = wire((x - 9, y + 8 * way), (x + 9, y + 8 * way))
-    rays = []
-    for shift in (-5.0, 5.0):
-        inner, outer = (x + 12, y + shift), (x + 24, y + shift - 7)
-        rays += arrow(inner, outer, LINE) if emits else arrow(outer, inner, LINE)
-    return [polygon(triangle, **BOX), bar, *rays]
-
-
-def npn(base: Point) -> list[Element]:
-    """An NPN transistor: base at the left, collector 24 units right and 22 up, emitter 24 right and 22 down."""
-    x, y = base
-    bar = x + 8
-    return [
-        wire((x, y), (bar, y)),
-        polyline([(bar, y - 13), (bar, y + 13)], stroke=LINE, stroke_width="3"),
-        wire((bar, y - 6), (x + 24, y - 14), (x + 24, y - 22)),
-        *arrow((bar, y + 6), (x + 24, y + 14), LINE),
-        wire((x + 24, y + 14), (x + 24, y + 22)),
-    ]
-
-
-def amplifier(tip: Point) -> list[Element]:
-    """An operational amplifier with its output at the tip. The inputs are 46 units to the left: the - input 12 units
-    above the tip, the + input 12 units below."""
-    x, y = tip
-    body = polygon([(x - 46, y - 25), (x - 46, y + 25), (x, y)], **BOX)
-    signs = [text((x - 41, y - 8), "−", 14), text((x - 41, y + 16), "+", 14)]
-    return [body, *signs]
-
-
-def terminal(at: Point) -> Element:
-    """A terminal at the open end of a wire, where a cable is connected."""
-    return circle(at, 4.0, **BOX)

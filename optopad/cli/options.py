@@ -6,9 +6,7 @@ import math
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Literal, TypeVar
-
-import typer
+from typing import Any, Literal, TypeVar
 
 from optopad.design.errors import InputError, OutputError
 from optopad.design.files import folder_fault, has_file_suffix, require_folder_name, require_suffix
@@ -52,87 +50,6 @@ def require_folder(folder: Folder) -> Folder:
     return folder
 
 
-Design = Annotated[
-    str, typer.Argument(metavar="DESIGN", help="Design file (.toml), bundle folder, or the name of a preset.")
-]
-Set = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set", metavar="PATH=VALUE", help="Change a field, as cavity.clear_thickness_mm=10. Repeatable."
-    ),
-]
-Out = Annotated[
-    Path,
-    typer.Option("--out", metavar="FOLDER", help="Folder that holds the bundles.", callback=require_folder),
-]
-Json = Annotated[bool, typer.Option("--json", help="One JSON object on standard output, nothing else.")]
-Seed = Annotated[int, typer.Option("--seed", min=0, max=LARGEST_SEED, help="Seed of every random stream.")]
-Fine = Annotated[
-    bool,
-    typer.Option("--fine", help="Finer light, and a map of 11 locations per side with steps of 0.1 mm."),
-]
-
-Details = Annotated[bool, typer.Option("--details", help="Print every figure instead of one screen.")]
-
-DEFAULT_OUT = Path("outputs")
-
-# options of the built sensor
-Config = Annotated[
-    str,
-    typer.Argument(
-        metavar="CONFIG", help="driver.toml, bundle folder, or the design that was built (file or preset)."
-    ),
-]
-Port = Annotated[
-    str | None,
-    typer.Option(
-        "--port",
-        metavar="NAME",
-        help="Serial port, or serial:NUMBER of its USB device; default: found by USB.",
-    ),
-]
-Patience = Annotated[
-    float | None,
-    typer.Option(
-        "--patience",
-        metavar="S",
-        min=0.1,
-        help="Longest wait for a frame, and for the board to start, but at least its boot time (10 s if left out).",
-    ),
-]
-Rate = Annotated[
-    float | None,
-    typer.Option("--rate", metavar="HZ", min=0, help="Frames per second; 0: as many as the board can."),
-]
-Accept = Annotated[
-    str | None,
-    typer.Option(
-        "--accept-digest", metavar="DIGITS", help="Accept a board with firmware of this other design."
-    ),
-]
-Frames = Annotated[
-    int | None, typer.Option("--frames", metavar="N", min=1, help="End after at least this number of frames.")
-]
-Seconds = Annotated[
-    float | None, typer.Option("--seconds", metavar="S", min=0.0, help="End after this time.")
-]
-Bundles = Annotated[
-    Path,
-    typer.Option("--bundles", metavar="FOLDER", help="Folder that holds the bundles, to find a design's."),
-]
-
-
-# options of recordings
-Topic = Annotated[
-    str | None,
-    typer.Option("--topic", metavar="NAME", help="Topic of the frames, in a bag of several sensors."),
-]
-PressTopic = Annotated[
-    str | None,
-    typer.Option("--press-topic", metavar="NAME", help="Topic of the presses, if a bag has several."),
-]
-
-
 def named(path: Path) -> Path:
     """The path itself if it ends in a name, else the same place by its name: ``.`` gives the current folder's path."""
     return path if path.name not in ("", "..") else Path(os.path.realpath(path))
@@ -164,12 +81,6 @@ def parsed_press(text: str) -> tuple[float, float, float]:
     return x_mm, y_mm, depth_mm
 
 
-Offset = Annotated[
-    str | None,
-    typer.Option("--offset", metavar="S", help="This machine's clock minus the log's; `auto` finds it."),
-]
-
-
 def parsed_offset(text: str | None) -> float | Literal["auto"] | None:
     """The clock offset [s] of `--offset`; raises InputError."""
     if text is None:
@@ -183,3 +94,46 @@ def parsed_offset(text: str | None) -> float | Literal["auto"] | None:
     if not math.isfinite(value):
         raise InputError(f"--offset: {text!r} is refused: seconds, or auto")
     return value
+
+
+def typed(metavar: str | None = None, **how: Any) -> dict[str, Any]:
+    """How a parameter is typed where the verb's signature does not say it.
+
+    Parameters
+    ----------
+    metavar : what the help shows in place of the value
+    how : `flag`, the option's name; `type`, to which the text is converted; `default`, if Python's is another;
+        `help`, if the docstring has none; and what typer takes: min, max, callback
+    """
+    return {"metavar": metavar, **how}
+
+
+SHARED: dict[str, dict[str, Any]] = {
+    "design": typed("DESIGN", help="Design file (.toml), bundle folder, or the name of a preset."),
+    "set_": typed("PATH=VALUE", help="Change a field, as cavity.clear_thickness_mm=10. Repeatable."),
+    "out": typed("FOLDER", type=Path, callback=require_folder, help="Folder that holds the bundles."),
+    "seed": typed(min=0, max=LARGEST_SEED, help="Seed of every random stream."),
+    "fine": typed(help="Finer light, and a map of 11 locations per side with steps of 0.1 mm."),
+    "details": typed(help="Print every figure instead of one screen."),
+    "as_json": typed(help="One JSON object on standard output, nothing else."),
+    # the built sensor
+    "config": typed(
+        "CONFIG", help="driver.toml, bundle folder, or the design that was built (file or preset)."
+    ),
+    "port": typed("NAME", help="Serial port, or serial:NUMBER of its USB device; default: found by USB."),
+    "patience": typed(
+        "S",
+        min=0.1,
+        help="Longest wait for a frame, and for the board to start, but at least its boot time (10 s if left out).",
+    ),
+    "rate": typed("HZ", min=0, help="Frames per second; 0: as many as the board can."),
+    "accept_digest": typed("DIGITS", help="Accept a board with firmware of this other design."),
+    "frames": typed("N", min=1, help="End after at least this number of frames."),
+    "seconds": typed("S", min=0.0, help="End after this time."),
+    "bundles": typed("FOLDER", help="Folder that holds the bundles, to find a design's."),
+    # recordings
+    "topic": typed("NAME", help="Topic of the frames, in a bag of several sensors."),
+    "press_topic": typed("NAME", help="Topic of the presses, if a bag has several."),
+    "offset": typed("S", help="This machine's clock minus the log's; `auto` finds it."),
+}
+"""How parameters that many verbs have are typed, by name."""

@@ -1,5 +1,9 @@
 """The computations of `optopad run` and its parts: each function writes one part of the bundle.
 
+A part that the bundle already has from the same inputs is not made again (`optopad.fabrication.bundle.Part`): the mold,
+and everything else, which follows from the verdict. A mold may also come from another bundle, since electronics, gain
+and surfaces do not change it. Light that was traced before is read from disk in any case.
+
 Mold and physics run in parallel. The mold is made in a new process, because the CAD kernel does not survive a fork. The
 physics runs in this process.
 """
@@ -8,8 +12,8 @@ from __future__ import annotations
 
 import json
 import subprocess
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,7 +24,15 @@ from optopad.design.parts.assumptions import Bed
 from optopad.design.progress import OnStep
 from optopad.design.rules.check import require_valid
 from optopad.design.spec import SensorDesign
-from optopad.fabrication.bundle import bundle, bundle_name
+from optopad.fabrication.bundle import (
+    Part,
+    altered_files,
+    bundle,
+    bundle_name,
+    copy_part,
+    is_current,
+    program_digest,
+)
 from optopad.work import FinishedWork, started
 
 if TYPE_CHECKING:
@@ -28,36 +40,108 @@ if TYPE_CHECKING:
     from optopad.fabrication.sheets.bom import BomRow
     from optopad.fabrication.sheets.prices import Price, PriceKey
     from optopad.report.sections.early import EarlyDrawings
-    from optopad.results.score import Bundle
+    from optopad.screen.bundle import Bundle
     from optopad.sims.score.result import ContinuityScore
 
 REFUSED = 2
 """Exit code of the mold's process if it refused the work with a message for the user."""
 
+ANSWER = "answer.json"
+"""File in a bundle's ``sims`` with the texts of the screen (`optopad.screen.answer`)."""
+
 Press = tuple[float, float, float]
 
 
-def run(design: SensorDesign, out: Path, *, fine: bool, seed: int, on_step: OnStep) -> Bundle:
+def run(
+    design: SensorDesign,
+    out: Path,
+    *,
+    fine: bool,
+    seed: int,
+    force: bool = False,
+    on_start: Callable[[], None] = lambda: None,
+    on_step: OnStep,
+) -> Bundle:
     """Make the whole bundle of a design: mold, verdict, sheets, firmware, driver configuration, report.
+
+    Parameters
+    ----------
+    force : whether to make parts again that the bundle has from the same inputs
+    on_start : called before the verdict is computed
 
     Raises
     ------
     DesignError : the design breaks a rule; nothing is written.
     OutputError : the folder cannot be written; an earlier bundle is intact.
     """
-    from optopad.results.score import Bundle, Score
+    from optopad.screen.bundle import Bundle
 
     require_valid(design)
-    with bundle(design, out, seed=seed) as folder, _mold_beside(design, folder) as mold:
-        score, early = _scored(design, folder, fine=fine, seed=seed, on_step=on_step, with_page=True)
-        on_step("mold beside", 0.0)
-        checks = _finished(mold, folder / "cad")
-        on_step("mold beside", 1.0)
-        on_step("files", 0.0)
-        _write_fabrication(design, folder, _gain_of(score))
-        _write_report(design, folder, score, checks, seed, early)
-        on_step("files", 1.0)
-    return Bundle(folder=out / bundle_name(design), score=Score(design=design, found=score), checks=checks)
+    final, mold, answer = out / bundle_name(design), mold_part(design), answer_part(design, seed, fine=fine)
+    kept = [] if force else [part for part in (mold, answer) if is_current(final, part)]
+    altered = _altered(final)
+    found: ContinuityScore | None = None
+    if len(kept) < 2 or "design.toml" in altered:
+        with bundle(design, out, seed=seed, parts=(mold, answer)) as folder:
+            has_mold = mold in kept or (not force and _copied_mold(design, mold, folder, out))
+            with nullcontext() if has_mold else _mold_beside(design, folder) as process:
+                if answer not in kept:
+                    on_start()
+                    found, early = _scored(
+                        design, folder, fine=fine, seed=seed, on_step=on_step, with_page=True
+                    )
+                if process is not None:
+                    on_step("mold beside", 0.0)
+                    _finish(process)
+                    on_step("mold beside", 1.0)
+            if found is not None:
+                on_step("files", 0.0)
+                checks = _checks(folder / "cad")
+                _write_fabrication(design, folder, _gain_of(found), _mold_mm3(checks))
+                _write_report(design, folder, found, checks, seed, early)
+                on_step("files", 1.0)
+    return Bundle(
+        design=design,
+        folder=final,
+        checks=_checks(final / "cad"),
+        score_of=lambda: found or _again(design, fine=fine, seed=seed),
+        is_current=len(kept) == 2,
+        mended=tuple(name for name in altered if (final / name).is_file()),
+    )
+
+
+def _again(design: SensorDesign, *, fine: bool, seed: int) -> ContinuityScore:
+    from optopad.sims.score.scoring import score
+
+    return score(design, fine=fine, seed=seed)
+
+
+def mold_part(design: SensorDesign, **settings: Any) -> Part:
+    """The mold and its tools as a part of a bundle; `settings` are those of `write_parts`."""
+    return Part({"mold": design.mold_digest, "program": program_digest(), **settings}, ("cad/",))
+
+
+def answer_part(design: SensorDesign, seed: int, **settings: Any) -> Part:
+    """The verdict and what follows from it as a part of a bundle; `settings` are those of a score."""
+    inputs = {"design": design.digest, "seed": seed, "program": program_digest(), **settings}
+    return Part(inputs, ("sims/", "fabrication/", "report.html"))
+
+
+def _altered(folder: Path) -> tuple[str, ...]:
+    """Files of a bundle that were changed or removed after a command wrote them; none if there is no bundle."""
+    try:
+        return altered_files(folder)
+    except InputError:
+        return ()
+
+
+def _copied_mold(design: SensorDesign, mold: Part, folder: Path, out: Path) -> bool:
+    """Whether the mold could be taken from another bundle; its checks then name this design."""
+    if not copy_part(mold, folder, out, design.name):
+        return False
+    checks = _checks(folder / "cad") | {"digest": design.digest}
+    write_text_atomically(folder / "cad" / "checks.json", json.dumps(checks, indent=2) + "\n")
+    return True
 
 
 def write_parts(
@@ -80,7 +164,14 @@ def write_parts(
 
     require_valid(design)
     on_step("mold", 0.0)
-    with bundle(design, out, seed=seed) as folder:
+    settings = (
+        {"bed_mm": bed_mm, "slice_parts": True}
+        if slice_parts
+        else {}
+        if bed_mm is None
+        else {"bed_mm": bed_mm}
+    )
+    with bundle(design, out, seed=seed, parts=(mold_part(design, **settings),)) as folder:
         (folder / "cad").mkdir(exist_ok=True)
         export_parts(design, folder / "cad", bed_mm=bed_mm, slice_parts=slice_parts)
         checks = _checks(folder / "cad")
@@ -107,7 +198,11 @@ def write_score(
     builds : number of units in a Monte Carlo study over manufacturing tolerances; None for no study
     """
     require_valid(design)
-    with _study(design, out, builds, seed) as study, bundle(design, out, seed=seed) as folder:
+    settings = (
+        {"fine": fine} | ({"full": full} if full else {}) | ({"builds": builds} if builds is not None else {})
+    )
+    parts = (answer_part(design, seed, **settings),)
+    with _study(design, out, builds, seed) as study, bundle(design, out, seed=seed, parts=parts) as folder:
         has_page = (folder / "report.html").exists()  # a bundle has one verdict: page and gain are updated
         score, early = _scored(
             design,
@@ -120,8 +215,9 @@ def write_score(
             study=study,
         )
         if has_page:
-            _write_fabrication(design, folder, _gain_of(score))
-            _write_report(design, folder, score, _checks(folder / "cad"), seed, early)
+            checks = _checks(folder / "cad")
+            _write_fabrication(design, folder, _gain_of(score), _mold_mm3(checks))
+            _write_report(design, folder, score, checks, seed, early)
     return score, out / bundle_name(design)
 
 
@@ -130,22 +226,16 @@ def write_signals(
     presses: list[Press],
     out: Path,
     *,
-    oracle_rays: int | None,
     seed: int,
     on_step: OnStep,
 ) -> tuple[dict[str, Any], Path]:
-    """Write the signals of presses into the bundle; returns a summary and the bundle's folder.
-
-    `oracle_rays` is the number of the ray tracer's rays per emitter and press; if None, the ray tracer is not used.
-    """
+    """Write the signals of presses into the bundle; returns a summary and the bundle's folder."""
     from optopad.jobs.signals import simulated
 
     require_valid(design)
     with bundle(design, out, seed=seed) as folder:
         (folder / "sims").mkdir(exist_ok=True)
-        summary = simulated(
-            design, presses, folder / "sims", oracle_rays=oracle_rays, seed=seed, on_step=on_step
-        )
+        summary = simulated(design, presses, folder / "sims", seed=seed, on_step=on_step)
     return summary, out / bundle_name(design)
 
 
@@ -162,14 +252,16 @@ def write_driver_config(
     -------
     The bundle's folder, and the rows of the bill of materials.
     """
-    from optopad.fabrication.sheets.bom import bom_rows
-    from optopad.fabrication.sheets.prices import priced
-
     require_valid(design)
     with bundle(design, out, seed=seed) as folder:
         gain = _known_gain(folder)
-        rows = priced(bom_rows(design, gain), prices or {})
-        _write_fabrication(design, folder, gain, rows)
+        try:
+            mold_mm3 = _mold_mm3(_checks(folder / "cad"))
+        except (OSError, ValueError, KeyError, TypeError, RecursionError):  # not made yet, or damaged
+            from optopad.cad.mold import build_mold
+
+            mold_mm3 = float(build_mold(design).val().Volume())  # type: ignore[union-attr]
+        rows = _write_fabrication(design, folder, gain, mold_mm3, prices)
     return out / bundle_name(design), rows
 
 
@@ -186,8 +278,8 @@ def _mold_beside(design: SensorDesign, folder: Path) -> Iterator[subprocess.Pope
             process.communicate()
 
 
-def _finished(mold: subprocess.Popen[str], folder: Path) -> dict[str, Any]:
-    """Wait for the process that makes the mold, and read its checks.
+def _finish(mold: subprocess.Popen[str]) -> None:
+    """Wait for the process that makes the mold.
 
     Raises
     ------
@@ -198,12 +290,15 @@ def _finished(mold: subprocess.Popen[str], folder: Path) -> dict[str, Any]:
         raise OutputError(message.strip())
     if mold.returncode != 0:
         raise RuntimeError(f"the mold's process ended with {mold.returncode}: {message.strip()}")
-    return _checks(folder)
 
 
 def _checks(folder: Path) -> dict[str, Any]:
     checks: dict[str, Any] = json.loads((folder / "checks.json").read_text(encoding="utf-8"))
     return checks
+
+
+def _mold_mm3(checks: dict[str, Any]) -> float:
+    return float(checks["volumes_mm3"]["mold"]["solid"])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -240,6 +335,8 @@ def _scored(
 
     Files that do not depend on the tolerances are written while the effect of tolerances is computed.
     """
+    from optopad.screen.figures import summary_words
+    from optopad.screen.verdict import answer_of
     from optopad.sims.score.build_tolerance import with_tolerance
     from optopad.sims.score.field_steps import with_field_steps
     from optopad.sims.score.scoring import score as judge
@@ -261,6 +358,7 @@ def _scored(
         early = drawn()
     _write_builds(found, sims)
     write_text_atomically(sims / "score.json", json.dumps(found.to_json(), indent=2) + "\n")
+    write_text_atomically(sims / ANSWER, answer_of(design, found, summary_words(design, found)).to_text())
     return found, early
 
 
@@ -327,16 +425,25 @@ def _known_gain(folder: Path) -> SimulatedGain | None:
 
 
 def _write_fabrication(
-    design: SensorDesign, folder: Path, gain: SimulatedGain | None, rows: Sequence[BomRow] | None = None
-) -> None:
+    design: SensorDesign,
+    folder: Path,
+    gain: SimulatedGain | None,
+    mold_mm3: float,
+    prices: Mapping[PriceKey, Price] | None = None,
+) -> tuple[BomRow, ...]:
+    """Write sheets and firmware; return the rows of the bill of materials."""
     from optopad.design.circuit.circuit import Circuit
     from optopad.fabrication.sheets.all_sheets import write_sheets
+    from optopad.fabrication.sheets.bom import bom_rows
+    from optopad.fabrication.sheets.prices import priced
     from optopad.fabrication.sketch import firmware_gaps, write_sketch
 
+    rows = priced(bom_rows(design, gain, mold_mm3), prices or {})
     (folder / "fabrication").mkdir(exist_ok=True)
     write_sheets(design, folder / "fabrication", gain, rows)
     if not firmware_gaps(Circuit.of(design)):  # a board that cannot be programmed has its warning
         write_sketch(design, folder / "fabrication" / "firmware")
+    return rows
 
 
 def _write_report(

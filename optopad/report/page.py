@@ -9,10 +9,10 @@ Equal designs, scores, checks and files give the same page, byte for byte.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from html import escape
 from pathlib import Path
-from string import Template
 from typing import Any
+
+from markupsafe import Markup
 
 from optopad.design.io import write_text_atomically
 from optopad.design.spec import SensorDesign
@@ -20,13 +20,7 @@ from optopad.fabrication.bundle import versions
 from optopad.report.scenes.map_scene import MapScene
 from optopad.report.scenes.mold_scene import mold_scene
 from optopad.report.scenes.ray_scene import RayScene
-from optopad.report.sections.closing import (
-    bundle_files,
-    files_section,
-    limits_section,
-    origin_section,
-    warnings_section,
-)
+from optopad.report.sections.closing import bundle_files, closing_sections
 from optopad.report.sections.drawings import PREFIX, Drawing, tolerance_drawings
 from optopad.report.sections.early import EarlyDrawings, early_drawings
 from optopad.report.sections.load import Sheets, build_section, force_section, sheets_of
@@ -40,7 +34,8 @@ from optopad.report.sections.signals import (
     signal_section,
     tolerance_section,
 )
-from optopad.report.words import Html, asset, banner, element, headline, joined, script_element, script_policy
+from optopad.report.sections.verdict import verdict_part
+from optopad.report.words import asset, part, script_policy, script_text
 from optopad.sims.score.result import ContinuityScore
 
 PAGE = "report.html"
@@ -61,6 +56,8 @@ TITLES = {
     "files": "Files",
     "origin": "Origin",
 }
+LAST = ("warnings", "limits", "files", "origin")
+"""The sections at the end of every page."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,26 +140,23 @@ def report_html(
         **_light_sections(design, score, found),
         "build": build_section(found.sheets, found.pictures),
         "mold": checks_section(found.checks),
-        "warnings": warnings_section(score),
-        "limits": limits_section(design),
-        "files": files_section(found.files),
-        "origin": origin_section(design, score, seed, made_with),
     }
-    shown = {name: body for name, body in sections.items() if body}
-    return Template(asset("page.html")).substitute(
-        title=escape(f"{design.name} · {score.verdict}"),
-        policy=script_policy(),
+    return part(
+        "report",
+        what="verdict",
+        name=design.name,
+        digest=design.digest,
+        score=score,
         style=asset("page.css"),
-        name=escape(design.name),
-        digest=escape(design.digest[:8]),
-        navigation=_navigation(shown),
-        verdict=joined([banner(design, score), headline(design, score)]),
-        sections=joined(shown.values()),
-        script=script_element(),
+        policy=script_policy(),
+        script=script_text(),
+        titles={name: title for name, title in TITLES.items() if sections.get(name) or name in LAST},
+        verdict=verdict_part(design, score),
+        sections=[*sections.values(), closing_sections(design, score, found.files, seed, made_with)],
     )
 
 
-def _light_sections(design: SensorDesign, score: ContinuityScore, found: Found) -> dict[str, Html]:
+def _light_sections(design: SensorDesign, score: ContinuityScore, found: Found) -> dict[str, Markup]:
     drawings = found.drawings
     layout = {"sensor": sensor_section(design, drawings)}
     if not score.pairs:
@@ -178,8 +172,3 @@ def _light_sections(design: SensorDesign, score: ContinuityScore, found: Found) 
         "tolerance": tolerance_section(score, drawings),
         "force": force_section(design, score, drawings),
     }
-
-
-def _navigation(sections: dict[str, Html]) -> Html:
-    links = (element("li", element("a", TITLES[name], href=f"#{name}")) for name in sections)
-    return element("nav", element("ul", *links), aria_label="Parts of this page")

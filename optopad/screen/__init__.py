@@ -1,4 +1,4 @@
-"""The sentences of a verdict: the lines in the terminal, and the sentences that the report shares with them.
+"""What the terminal, a notebook and `--json` show: the results of verbs, the verdict's sentences, progress.
 
-Imports within this repository: design, sims, work.
+Imports within this repository: design, sims, fabrication, work.
 """

@@ -22,7 +22,6 @@ STAGE_TITLES = {
     "what matters": "sensitivity to each parameter",
     "trial": "trial: heights and thickness moved",
     "builds": "Monte Carlo over tolerances",
-    "oracle": "ray tracer",
     "rays": "sample paths",
     "mold": "mold and tools",
     "mold beside": "mold and tools: wait",

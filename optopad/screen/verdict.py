@@ -2,31 +2,24 @@
 
 from __future__ import annotations
 
-import json
 import math
-import os
 import re
-import shlex
-from collections.abc import Mapping, Sequence
-from pathlib import Path
-from textwrap import shorten, wrap
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from optopad.design.circuit.circuit import Circuit
 from optopad.design.circuit.pin_rules import faster_boards
 from optopad.design.fields.finding import OUT_OF_SCOPE
 from optopad.design.spec import SensorDesign
-from optopad.prediction_cost import STEM, quick_prediction_s
+from optopad.screen.answer import COMMAND, FINDING_LINES, LINES, Answer, counted, labelled, row
 from optopad.screen.verdict_sentences import (
     at_mm,
     command_words,
-    counted,
     no_fix_words,
     sentences_of,
     unit_of,
     unresolved_share,
     verdict_words,
-    with_moves,
 )
 from optopad.sims.score.result import RESTS, UNDECIDED
 from optopad.sims.verdict.depth_curve import NUMERICAL
@@ -39,11 +32,6 @@ if TYPE_CHECKING:
     from optopad.sims.verdict.builds import BuildStudy
     from optopad.sims.verdict.tolerance import Effect, FieldSteps
 
-WIDTH, LINES = 100, 13
-LABEL = 12
-"""Width of the column of labels at the start of each line [characters]."""
-FINDING_LINES = 4
-"""Largest number of lines for one finding of the design rules."""
 EIGHT_BIT_PRESCALER = 16
 """Prescaler with which an AVR's converter runs at 1 MHz from a clock of 16 MHz.
 
@@ -60,36 +48,44 @@ def verdict_screen(
     learner: str = "",
     size: str = "",
 ) -> list[str]:
-    """Lines of a verdict: cause or margin, confidence, resolution, errors of a learner, warnings, the next command.
+    """Lines of a verdict, as `Answer.lines` makes them."""
+    answer = answer_of(design, score, size)
+    return answer.lines(closing, command=command, is_built=is_built, learner=learner)
 
-    Parameters
-    ----------
-    closing : last lines, such as the paths of the files
-    command : the design and its changes as typed on the command line; if empty, the next command is not shown
-    is_built : whether the bundle already contains mold and report
-    learner : sentence on a learner's predicted errors from `learner_line`, shown if there is room
-    size : line on size, loads, parts and price from `summary_words`
-    """
-    said = sentences_of(design, score)
-    head = [
-        *row("design", f"{score.name} ({score.digest[:8]})"),
-        *row("verdict", said.verdict, 2 if score.reason == "" else FINDING_LINES + 2),
-    ]
-    figures = [*row("confidence", said.confidence, 2), *row("resolution", said.resolution, 2)]
-    onward = _next(score, command, said.fix, is_built=is_built) if command else ""
-    foot = [*row("size", size), *closing, *row("next", onward, 3)]
-    margin = row("margin", said.margin, 2)
-    left = LINES - len(head) - len(margin) - len(figures) - len(foot) - 1
-    head += [*row("cause", said.why, max(left, 2)), *margin, *figures]
-    reached = row("learner", learner, 2) if said.resolution and not score.is_facing_rows else []
-    texts = _to_show(score)
-    if len(head) + len(reached) + len(foot) + min(len(texts), 2) <= LINES:  # two lines are left for warnings
-        head += reached
-    warnings = _warnings(texts, max(LINES - len(head) - len(foot), 1))
-    tried = row("tried", no_fix_words(score.trial), 2)
-    if len(head) + len(warnings) + len(tried) + len(foot) <= LINES:
-        head += tried
-    return [*head, *warnings, *foot]
+
+def answer_of(design: SensorDesign, score: ContinuityScore, size: str) -> Answer:
+    """The texts of a verdict; `size` is the line on size, loads, parts and price from `summary_words`."""
+    said, trial = sentences_of(design, score), score.trial
+    has_learner = bool(said.resolution) and not score.is_facing_rows
+    return Answer(
+        design=f"{score.name} ({score.digest[:8]})",
+        verdict=said.verdict,
+        why=said.why,
+        margin=said.margin,
+        confidence=said.confidence,
+        resolution=said.resolution,
+        verdict_lines=2 if score.reason == "" else FINDING_LINES + 2,
+        learner=_how_to_predict(design) if has_learner else "",
+        has_learner=has_learner,
+        warnings=tuple(_to_show(score)),
+        tried=no_fix_words(trial),
+        size=size,
+        onward=_next(score, said.fix, is_built=False),
+        onward_built=_next(score, said.fix, is_built=True),
+        moves=()
+        if trial is None or trial.found != "move"
+        else tuple((one.path, one.to) for one in trial.moves),
+        details=tuple(score_lines(score)),
+    )
+
+
+def _how_to_predict(design: SensorDesign) -> str:
+    from optopad.sims.score.cost import about, quick_prediction_s
+
+    seconds = quick_prediction_s(design)
+    if seconds is None:
+        return ""
+    return f"not predicted yet: optopad predict {COMMAND} --quick   ({about(seconds)})"
 
 
 def rate_words(design: SensorDesign) -> str:
@@ -146,18 +142,6 @@ def findings_screen(
     return [*row("design", f"{name}: {total}"), *lines, *foot]
 
 
-def row(label: str, text: str, most: int = 1) -> list[str]:
-    """Lines of a labelled sentence, wrapped to at most `most` lines; no lines for an empty sentence."""
-    if not text:
-        return []
-    room = WIDTH - LABEL
-    parts = wrap(text, room, break_long_words=False, break_on_hyphens=False)
-    if len(parts) > most:
-        last = " ".join(parts[most - 1 :])
-        parts = [*parts[: most - 1], shorten(last, room, placeholder=" …")]
-    return [f"{label if number == 0 else '':<{LABEL}}{part}" for number, part in enumerate(parts)]
-
-
 def _to_show(score: ContinuityScore) -> list[str]:
     """Warnings that no other line reports, as short forms, in the score's order: the most serious first.
 
@@ -165,20 +149,6 @@ def _to_show(score: ContinuityScore) -> list[str]:
     """
     elsewhere = (RESTS, UNDECIDED) if score.is_facing_rows else (RESTS, UNDECIDED, NUMERICAL)
     return [clause(text) for text in score.warnings if not text.startswith(elsewhere)]
-
-
-def _warnings(texts: Sequence[str], room: int) -> list[str]:
-    """Lines with as many warnings as fit: one a line if there is room, otherwise one after the other."""
-    apart = [line for text in texts for line in row("warning", text, 2)]
-    if len(apart) <= room:
-        return apart
-    for count in range(len(texts), -1, -1):
-        left = len(texts) - count
-        more = [f"{counted(left, 'more warning' if count else 'warning')}: --details"] if left else []
-        lines = row("warning", "; ".join([*texts[:count], *more]), room + 1)
-        if len(lines) <= room:
-            return lines
-    return []
 
 
 FIELD = re.compile(r"^[a-z_]+(?:\.[a-z0-9_-]+)+: |^layout: ")
@@ -192,25 +162,20 @@ def clause(text: str) -> str:
     return CLAUSE_END.split(FIELD.sub("", text), maxsplit=1)[0]
 
 
-def _next(score: ContinuityScore, command: str, fix: str, *, is_built: bool) -> str:
+def _next(score: ContinuityScore, fix: str, *, is_built: bool) -> str:
     if score.verdict == "OUT_OF_MODEL_SCOPE":
-        return f"remove the reason that the verdict names, then optopad check {command}"
+        return f"remove the reason that the verdict names, then optopad check {COMMAND}"
     if score.trial is not None and score.trial.found == "move":
-        return f"optopad score {with_moves(command, score.trial)}   ({command_words(score.trial)})"
+        return f"optopad score {COMMAND}   ({command_words(score.trial)})"
     if fix:
-        return f"optopad improve {command} --more-parts   ({fix})"
+        return f"optopad improve {COMMAND} --more-parts   ({fix})"
     if score.causes or (score.tolerance is not None and score.tolerance.flipping and not is_built):
-        return f"optopad improve {command}   (up to four verified designs: minutes)"
+        return f"optopad improve {COMMAND}   (up to four verified designs: minutes)"
     if is_built and score.tolerance is not None and score.tolerance.flipping:
-        return f"optopad improve {command}, or measure the parameter, before you print cad/mold.stl"
+        return f"optopad improve {COMMAND}, or measure the parameter, before you print cad/mold.stl"
     if is_built:
         return "open the report, print cad/mold.stl, follow fabrication/casting.md"
-    return f"optopad run {command}   (mold, wiring, firmware, report: about a minute)"
-
-
-def as_typed(design: str, changes: Sequence[str] | None) -> str:
-    """A design and its changes as typed on the command line."""
-    return " ".join([shlex.quote(design), *(f"--set {shlex.quote(one)}" for one in changes or ())])
+    return f"optopad run {COMMAND}   (mold, wiring, firmware, report: about a minute)"
 
 
 LEAST_CHANGE_MM = 0.01
@@ -235,11 +200,6 @@ def score_lines(score: ContinuityScore) -> list[str]:
     return lines + [labelled("warning", text) for text in score.warnings]
 
 
-def labelled(label: str, text: str) -> str:
-    """A labelled sentence of any length, on one line."""
-    return f"{label:<{LABEL}}{text}"
-
-
 def finding_line(finding: dict[str, Any]) -> str:
     """Line about a failed check of the mold, with the location or the fix."""
     unit = f" {finding['unit']}" if finding["unit"] else ""
@@ -247,24 +207,6 @@ def finding_line(finding: dict[str, Any]) -> str:
     return f"{finding['state']:<9} {finding['name']}: {held}" + (
         f"; {finding['note']}" if finding["note"] else ""
     )
-
-
-def checks_line(checks: dict[str, Any]) -> str:
-    """Line that summarises the checks of the mold."""
-    return f"mold      {checks_words(checks)}"
-
-
-def checks_words(checks: dict[str, Any]) -> str:
-    """Text that says whether the mold can be printed, and which checks failed."""
-    found = {
-        state: [one["name"] for one in checks.get("findings", []) if one.get("state") == state]
-        for state in ("error", "warning")
-    }
-    named = [f"{counted(len(names), state)} ({', '.join(names)})" for state, names in found.items() if names]
-    state = "printable" if checks.get("ok") else "NOT printable"
-    if not named:
-        return f"{state}, no findings (cad/checks.json)"
-    return f"{state}, {', '.join(named)}; see cad/checks.json"
 
 
 def _deadband_line(score: ContinuityScore) -> str:
@@ -338,14 +280,14 @@ def build_lines(study: BuildStudy) -> list[str]:
 def step_lines(steps: FieldSteps) -> list[str]:
     """Lines with the effect of a small step of each parameter; the step that improves the design most is first."""
     order = list(steps.better_sides())
-    rows = sorted(steps.rows, key=lambda row: order.index(row.path) if row.path in order else len(order))
+    rows = sorted(steps.rows, key=lambda one: order.index(one.path) if one.path in order else len(order))
     lines = []
-    for row in rows:
+    for one in rows:
         effects = []
-        for sign, effect in (("-", row.lower), ("+", row.higher)):
-            step = f"{sign}{row.step:g}{unit_of(row.path)}"
+        for sign, effect in (("-", one.lower), ("+", one.higher)):
+            step = f"{sign}{one.step:g}{unit_of(one.path)}"
             effects.append(f"{step} {'refused' if effect is None else _changed(steps.as_designed, effect)}")
-        lines.append(labelled("sensitivity", f"{row.path}: {'; '.join(effects)}"))
+        lines.append(labelled("sensitivity", f"{one.path}: {'; '.join(effects)}"))
     return [*lines, labelled("", f"judged by {steps.judged}")]
 
 
@@ -451,68 +393,3 @@ def _span(figure: BoundFigure) -> str:
 
 def _mm(value: float) -> str:
     return f"{value:.4f} mm"
-
-
-LEAST_DEPTH_MM = 1.0
-"""Least depth for which a learner's errors are reported [mm]; lighter presses are detected, but hardly located."""
-
-
-def learner_line(design: SensorDesign, bundle: Path, command: str) -> str:
-    """Sentence on the predicted errors of a learner, or how to predict them; empty if they cannot be predicted.
-
-    Parameters
-    ----------
-    bundle : the design's bundle, where `optopad predict` writes its tables
-    command : the design and its changes as typed on the command line
-    """
-    document = _prediction(bundle / "sims" / f"{STEM}.json")
-    if document is not None and document.get("digest") == design.digest and (said := _reached(document)):
-        return said
-    seconds = quick_prediction_s(design)
-    if seconds is None:
-        return ""
-    return f"not predicted yet: optopad predict {command} --quick   ({_length(seconds)})"
-
-
-def _prediction(file: Path) -> dict[str, Any] | None:
-    try:
-        found = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
-    return found if isinstance(found, dict) else None
-
-
-def _reached(document: Mapping[str, Any]) -> str:
-    try:
-        every = document.get("learners", [document])  # earlier files have the first learner's tables only
-        found = [(medians, one) for one in every if all(medians := _medians(one["errors"]))]
-        if not found:
-            return ""
-        (location, depth), best = min(found, key=lambda one: sum(one[0][0]) / len(one[0][0]))
-        alarms = best.get("false_alarms")
-        false = "" if alarms is None else f"; {100.0 * alarms:.0f} % false alarms"
-        return (
-            f"location {_range(location, 2)}, depth {_range(depth, 2)} ({best['learner']}, simulated){false}"
-        )
-    except (KeyError, TypeError, ValueError):
-        return ""
-
-
-def _medians(rows: Sequence[Mapping[str, Any]]) -> tuple[list[float], list[float]]:
-    deep = [row for row in rows if row["depth_mm"] >= LEAST_DEPTH_MM]
-    location, depth = (
-        [float(row[name]) for row in deep if row[name] is not None]
-        for name in ("location_median_mm", "depth_median_mm")
-    )
-    return location, depth
-
-
-def _range(values: Sequence[float], digits: int) -> str:
-    low, high = f"{min(values):.{digits}f}", f"{max(values):.{digits}f}"
-    return f"{high} mm" if low == high else f"{low} to {high} mm"
-
-
-def _length(seconds: float) -> str:
-    cores = os.cpu_count() or 1
-    length = f"{seconds / 60:.0f} minutes" if seconds >= 90.0 else f"{max(round(seconds, -1), 10):.0f} s"
-    return f"about {length} on {cores} core{'s' if cores > 1 else ''}"

@@ -12,7 +12,6 @@ Numbers have the same form as on the report page: depths to 0.01 mm, undecided l
 from __future__ import annotations
 
 import math
-import shlex
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -20,6 +19,7 @@ from typing import Any
 from optopad.design.fields.base import get_at
 from optopad.design.spec import SensorDesign
 from optopad.design.spec.properties import used_values
+from optopad.screen.answer import counted
 from optopad.sims.bounds.observability import PadBounds
 from optopad.sims.score.result import ContinuityScore, headline
 from optopad.sims.score.trials import ENOUGH_MARGIN
@@ -51,11 +51,6 @@ def spans(intervals_mm: Iterable[Interval], absent: str = "none", between: str =
 def ends(low: float, high: float) -> str:
     """Both ends of an uncertainty band as text."""
     return f"{low:.3g} to {high:.3g}"
-
-
-def counted(count: int, one: str, many: str | None = None) -> str:
-    """A number with its noun, in singular or plural."""
-    return f"{count} {one if count == 1 else many or one + 's'}"
 
 
 USABLE_DOUBT_MM = 0.2
@@ -380,19 +375,6 @@ def no_fix_words(trial: Trial | None) -> str:
         f"of {counted(len(trial.tried), 'move')} of heights and thickness by up to {trial.farthest_mm:g} mm"
     )
     return f"none {within} {helps} with a margin of {ENOUGH_MARGIN:g} sigma{more}"
-
-
-def with_moves(command: str, trial: Trial) -> str:
-    """Design and changes as typed on the command line, with a trial's changes added.
-
-    A trial's change replaces an earlier change of the same field.
-    """
-    design, *changes = shlex.split(command)
-    values = [text for text in changes if text != "--set"]
-    fields = {one.path for one in trial.moves}
-    kept = [text for text in values if text.split("=")[0].strip() not in fields]
-    moved = [f"{one.path}={one.to:g}" for one in trial.moves]
-    return " ".join([shlex.quote(design), *(f"--set {shlex.quote(text)}" for text in (*kept, *moved))])
 
 
 def _moved(move: Move) -> str:

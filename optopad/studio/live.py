@@ -42,7 +42,7 @@ from optopad.fabrication.driver.pattern import Problem
 from optopad.fabrication.driver.sensor import Sensor
 from optopad.fabrication.driver.stream import LinkCounts
 from optopad.fabrication.driver.touch_reader import Touch, TouchReader
-from optopad.sensor.driver_view import fitting_model, source_of
+from optopad.sensor import fitting_model, source_of
 from optopad.work import started
 
 STARTING_BOARD = "starting the simulated board"

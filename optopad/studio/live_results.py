@@ -7,7 +7,7 @@ from typing import Literal
 
 from optopad.design.arrays import FloatArray, IntArray
 from optopad.design.spec import SensorDesign
-from optopad.results.figures import PadFigures, figures_of
+from optopad.screen.figures import PadFigures, figures_of
 from optopad.sims.score.objective import PlaceCurves
 from optopad.sims.score.result import ContinuityScore
 from optopad.studio.session import LivePress

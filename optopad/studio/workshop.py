@@ -324,7 +324,7 @@ class Workshop:
 
     def _readings(self, request: Request) -> Readings:
         """Expected readings: untouched as in `driver check`, and under the press, from each pair's change of light."""
-        from optopad.sensor.driver_view import simulated_gain
+        from optopad.sensor import simulated_gain
         from optopad.sims.optics.tracing import trace
 
         design, press = request.design, request.press

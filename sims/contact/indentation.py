@@ -46,7 +46,7 @@ from optopad.design.shape.cavity import cavity_of, plan_of, workspace_of
 from optopad.design.spec import SensorDesign
 from optopad.design.spec.indenter import tip_words
 from optopad.design.spec.properties import youngs_modulus_mpa
-from optopad.sims.contact.library.build import live_note, live_press, mesh_size
+from optopad.sims.contact.library.live_press import live_note, live_press, mesh_size
 from optopad.sims.contact.library.profile_library import shipped_library
 from optopad.sims.contact.library.profiles import UnitPress
 from optopad.sims.contact.library.smooth_press import SmoothPress

@@ -54,6 +54,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator, RectBivariateSpline
 from scipy.sparse import bmat, csr_matrix, kron
 from scipy.sparse.linalg import splu
+from threadpoolctl import threadpool_limits
 
 from optopad.design.arrays import BoolArray, FloatArray, IntArray
 
@@ -256,7 +257,8 @@ class _Quarter:
         forces = np.zeros((len(free), int(asked.sum())))
         forces[np.searchsorted(free, 2 * nodes + top[asked]), np.arange(forces.shape[1])] = 1.0
         rows = self.matrix[free]
-        moved = splu(rows[:, free].tocsc()).solve(forces)
+        with threadpool_limits(1, user_api="blas"):  # two threads take six times the processor time
+            moved = splu(rows[:, free].tocsc()).solve(forces)
         answer = np.zeros((len(top), len(walls)))
         answer[asked] = -(rows[:, walls].T @ moved).T
         on_wall = self.is_wall[top]

@@ -63,7 +63,7 @@ def signatures() -> dict[str, tuple[Any, ...]]:
 def _walk_one_ray() -> None:
     """Compile the kernels that trace sample rays for the report's pictures."""
     from optopad.design.preset import preset
-    from optopad.sims.optics.oracle.paths import LightWalker
+    from optopad.sims.optics.paths import LightWalker
     from optopad.sims.optics.scene.lower import scene_of
 
     scene = scene_of(preset("piacenza2017-pad"))

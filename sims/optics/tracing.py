@@ -1,10 +1,4 @@
-"""Trace a design's light under presses, and estimate the computing time.
-
-A *state* is the untouched pad or one set of simultaneous presses. Costs are seconds of one core, measured on the
-presets without stored light and with kernels already compiled (`tests/bench`). For flat rectangular pads the cost
-depends on the number of pairs; for discs and crowned pads, on the numbers of emitters and of cells of the top.
-Estimates are off by up to a third.
-"""
+"""Trace a design's light under presses. A *state* is the untouched pad or one set of simultaneous presses."""
 
 from __future__ import annotations
 
@@ -27,68 +21,20 @@ from optopad.design.errors import InputError
 from optopad.design.spec import SensorDesign
 from optopad.sims.cache import GatheredLight, folder_fingerprint, light_store
 from optopad.sims.optics.accuracy import LADDER, Accuracy, accuracy_of
-from optopad.sims.optics.engine.general.lower import FormedStack, windows_of
+from optopad.sims.optics.engine.general.lower import FormedStack
 from optopad.sims.optics.engine.general.pad import formed_ways
-from optopad.sims.optics.engine.general.points import pitch_of
 from optopad.sims.optics.engine.threads import run_each
 from optopad.sims.optics.engine.trace_states import CLASS_NAMES, RawLight, Tops, trace_scene, trace_tops
 from optopad.sims.optics.engine.untouched import untouched_pad
 from optopad.sims.optics.light_signals import LightSignals
 from optopad.sims.optics.scene.lower import scene_of
 from optopad.sims.optics.scene.optical_scene import OpticalScene, SmoothField, smooth_field, sum_of_fields
-from optopad.sims.optics.scene.symmetry import StateClasses, each_its_own, state_classes
+from optopad.sims.optics.scene.symmetry import StateClasses, state_classes
 from optopad.sims.optics.surface.tops import TopStack
 from optopad.sims.press import Indentation
 
 if TYPE_CHECKING:
     from optopad.sims.contact.pad_surface import PadSurface
-
-CELL_S = {"flat": 0.70e-6, "cylinder": 0.43e-6, "sphere": 4.9e-6}
-"""Cost of one cell of the top in one state, for one replicate and one emitter, by shape of the top [s]. A sphere costs
-most, as it mirrors most light more than once."""
-DEPOSITS_S = 1.5e-3
-"""Cost of the scattered light of one emitter or receiver in one state [s]."""
-REFERENCE_S = 0.06
-"""Cost of the untouched pad's light per emitter or receiver [s], with the number of rays of the named accuracies. With
-the fewer rays used for manufactured units it is a fifth of this."""
-PAIR_S, FINEST_S = 0.9e-3, 0.25e-3
-"""Cost of a pair in one state of a flat rectangular pad [s] is the first number plus the second divided by the
-settings' `image_step`."""
-
-
-def _cells(scene: OpticalScene, settings: Accuracy) -> float:
-    """Approximate number of cells into which the top of a disc or crowned pad is divided."""
-    pitch = pitch_of(settings, windows_of(scene, "emitter"), windows_of(scene, "receiver"))
-    return scene.length_mm * scene.width_mm / pitch**2
-
-
-def emitter_cost_s(scene: OpticalScene, settings: Accuracy, emitters: int) -> float:
-    """Cost of tracing `emitters` emitters in one state [s]; on a flat rectangular pad, each with only one pair."""
-    if scene.form is None:
-        return emitters * pair_cost_s(scene, settings)
-    top = scene.form.top
-    kind = "flat" if top.is_flat else "sphere" if top.straight is None else "cylinder"
-    of_cells = CELL_S[kind] * settings.replicates * _cells(scene, settings)
-    return emitters * (of_cells + 2.0 * DEPOSITS_S)
-
-
-def pair_cost_s(_scene: OpticalScene, settings: Accuracy) -> float:
-    """Cost of one pair of a flat rectangular pad in one state [s]."""
-    return PAIR_S + FINEST_S / settings.image_step
-
-
-def state_cost_s(scene: OpticalScene, settings: Accuracy) -> float:
-    """Cost of one state with all pairs [s]."""
-    if scene.form is None:
-        return len(scene.emitter_wall) * len(scene.receiver_wall) * pair_cost_s(scene, settings)
-    return emitter_cost_s(scene, settings, len(scene.emitter_wall))
-
-
-def untouched_cost_s(scene: OpticalScene, settings: Accuracy) -> float:
-    """Cost of the untouched pad's light, which is traced before the first state [s]."""
-    parts = len(scene.emitter_wall) + len(scene.receiver_wall)
-    return parts * REFERENCE_S * (1.0 if settings.reference_rays > 8192 else 0.2)
-
 
 Profile = Indentation | Sequence[Indentation | Sequence[Indentation | None] | None]
 Tips = list[list[Indentation | None]]
@@ -100,22 +46,6 @@ FIELD_STEP, FIELD_FINER = 1.0 / 4.0, 2
 """Largest distance between nodes of the smooth field that a press adds to the top [tip radii], and number of height
 samples per distance. On flat presets pressed by a tip radius or more, the field's heights are off by 0.12 µm rms and
 its slopes by 1.0e-3 rms at most, even within a third of a millimetre of the walls, where both vary fastest."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class PressedTops:
-    """The pressed tops for a list of states, as the light trace takes them.
-
-    Attributes
-    ----------
-    classes : groups of states with equal light, by symmetry; the other attributes have one entry per group
-    near : for each group and tip, the surface curve around the tip's axis; None where the tip does not touch
-    fields : for each group, the smooth height that is added to the curves; None where nothing is added
-    """
-
-    classes: StateClasses
-    near: Tips
-    fields: list[SmoothField | None]
 
 
 def trace(
@@ -271,27 +201,6 @@ def _nothing(_number: int) -> None:
     """Piece of work that does nothing."""
 
 
-def pressed_tops(design: SensorDesign, presses: FloatArray, *, by_symmetry: bool = True) -> PressedTops:
-    """Pressed surfaces for a list of presses, computed by the contact model at each location.
-
-    Parameters
-    ----------
-    design : the sensor
-    presses : as for `trace`; the heights of several tips are added
-    by_symmetry : whether states that are equal by a symmetry of the layout share one top; if False, each has its own
-
-    Raises
-    ------
-    InputError : presses have a wrong shape or are not finite.
-    ModelScopeError : the contact model does not cover a press.
-    """
-    tips, scene = _tips(presses), scene_of(design)
-    classes = _classes(scene, tips) if by_symmetry else each_its_own(scene, len(tips))
-    traced = tips[classes.first]
-    near, fields = _made(design, scene, traced)
-    return PressedTops(classes=classes, near=near, fields=fields)
-
-
 def _classes(scene: OpticalScene, tips: FloatArray) -> StateClasses:
     """Groups of states that a symmetry of the layout maps onto each other; `tips` (state, tip, 3) holds the states."""
     depths = [[float(depth) if depth > 0 else None for depth in of_state] for of_state in tips[:, :, 2]]
@@ -303,7 +212,9 @@ def _tops_of_presses(
 ) -> Tops:
     """Tops of groups of equal presses; the contact model runs only if their light is not stored."""
     traced = tips[classes.first]
-    source = hashlib.blake2b(f"{_contact_sources()} {design.digest} {tips.shape}".encode() + traced.tobytes())
+    source = hashlib.blake2b(
+        f"{_contact_sources()} {design.surface_digest} {tips.shape}".encode() + traced.tobytes()
+    )
     return Tops(scene, lambda: (traced[:, :, :2], *_made(design, scene, traced)), source.digest())
 
 

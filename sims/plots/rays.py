@@ -24,7 +24,7 @@ from matplotlib.patches import Patch, Polygon, Rectangle
 from optopad.design.arrays import FloatArray
 from optopad.design.shape.cavity import CavityGeometry, PlacedPart, cavity_of, outline_mm
 from optopad.design.spec import SensorDesign
-from optopad.sims.optics.oracle.paths import LightPath
+from optopad.sims.optics.paths import LightPath
 from optopad.sims.plots.contact import (
     CutPlane,
     PressFrame,

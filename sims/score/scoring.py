@@ -7,22 +7,11 @@
 Facing rows are judged pair by pair, the middle pair first. A pad is judged by all readings of a frame together
 (`optopad.sims.verdict.pad_map`). It has a DEADBAND if at any location depth is not resolved over 0.3 mm or more, but is
 resolved again deeper. If depth is not resolved again, the usable depth ends there.
-
-The module also estimates in advance how long a score or a whole run will take: for each stage, the number of states
-times the cost of a state.
-
-Light takes almost all of the time. A state is a press at a location and a depth. States that are equal by symmetry of
-the layout are traced once, and stored light costs nothing. On flat rectangles, the time for a state depends on the
-number of pairs. On discs and crowned pads, it depends on the numbers of emitters and of points on the top.
-
-The estimate leaves out locations that are still undecided after the first trace, the Monte Carlo simulation over
-manufacturing tolerances, and compiling.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -36,32 +25,19 @@ from optopad.design.rules.check import check, require_valid
 from optopad.design.shape.cavity import (
     CavityGeometry,
     cavity_of,
-    chord_midpoint_mm,
     is_facing_rows,
     judged_pairs,
     mask_of,
     pair_name,
-    plan_of,
 )
 from optopad.design.spec import SensorDesign
-from optopad.design.spec.cheap_fields import TARGET, cheap_fields
-from optopad.sims.bounds.fisher import PRESSES, SHALLOW_MM, Steps, stencil_presses
-from optopad.sims.bounds.observability import bound_depths_mm
-from optopad.sims.contact.indentation import is_in_library
 from optopad.sims.contact.pad_surface import contact_notes
-from optopad.sims.contact.scope import layer_depth, solved_depths, tip_radius_mm
-from optopad.sims.optics.accuracy import Accuracy, accuracy_of
-from optopad.sims.optics.scene.lower import scene_of
-from optopad.sims.optics.scene.symmetry import state_classes
-from optopad.sims.optics.tracing import emitter_cost_s, pair_cost_s, state_cost_s, untouched_cost_s
-from optopad.sims.press import COARSE_STEP_MM, depth_schedule_mm
 from optopad.sims.readings.readout import Readout
 from optopad.sims.score.build_tolerance import with_tolerance
 from optopad.sims.score.field_steps import with_field_steps
-from optopad.sims.score.judge import Judge, Settings, settings_of
+from optopad.sims.score.judge import Judge, settings_of
 from optopad.sims.score.result import ContinuityScore, JudgedPair, margin_caution, noise_caution
 from optopad.sims.score.trials import with_trial
-from optopad.sims.verdict.builds import accuracy_of_builds
 from optopad.sims.verdict.figure_errors import (
     boundary_forces,
     drawn_figures,
@@ -69,13 +45,7 @@ from optopad.sims.verdict.figure_errors import (
     figures_of,
     place_force,
 )
-from optopad.sims.verdict.pad_map import PadMap, grid_places_mm, map_grid_mm
-from optopad.sims.verdict.presses import (
-    NEAR_MM,
-    accuracy_of_pairs,
-    map_depths_mm,
-)
-from optopad.sims.verdict.tolerance import tried_values
+from optopad.sims.verdict.pad_map import PadMap
 
 
 def score(
@@ -294,192 +264,3 @@ def _warnings(
         found.append((FAILS, said))
     found += [(USUAL, text) for text in contact_notes(design)]
     return tuple(text for _, text in sorted(found, key=lambda one: -one[0]))
-
-
-ANSWERING_PAIRS = 0.35
-"""Assumed share of a pad's pairs that respond at its location of least margin [-]. Manufactured units are judged by
-these pairs. On the presets the share is 0.17 to 0.7.
-"""
-TRACED_AGAIN = 0.15
-"""Assumed share of the voxels deeper than `SHALLOW_MM` that are still undecided after the first trace [-]."""
-SAME_MIRRORS = 0.2
-"""Relative cost of a disc or crowned unit that differs only in scattering, so that mirrored light is reused [-]."""
-TRACED_TWICE = 1.25
-"""Mean number of traces for a disc or crowned unit: those close to a deadband take two [-]."""
-TOP_S = 3e-4
-"""Processor time of a flat rectangle's pressed top, per area in squared tip radii [s]. Fitted to facing rows, whose
-light is cheap: with it, seven measured scores take 0.76 to 1.73 of the estimate."""
-LIVE_S = 27.0
-"""Processor time to solve one depth of a press that the library does not have [s]: a flat punch of 2.5 mm in 6 mm."""
-REST_S, RUN_S = 16.0, 24.0
-"""Processor time for everything except light [s]: `REST_S` for a score (start, contact, trial of changes, drawings),
-and `RUN_S` added by a run (mold, report).
-"""
-WORTH_SAYING_S = 20.0
-"""No estimate is shown if it is less than this [s]."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ScoreCost:
-    """Estimated cost of a score.
-
-    Attributes
-    ----------
-    presses, pairs : numbers of presses and of pairs in the map
-    core_s : processor time [s]
-    stages_s : processor time by stage [s]
-    job : "score" or "run"
-    """
-
-    presses: int
-    pairs: int
-    core_s: float
-    stages_s: dict[str, float] = field(default_factory=dict)
-    job: str = "score"
-
-    def sentence(self, cores: int) -> str:
-        """Message on the expected time, shown before a score begins; empty if the time is short."""
-        seconds = self.core_s / cores
-        if seconds < WORTH_SAYING_S:
-            return ""
-        length = f"{seconds / 60:.0f} minutes" if seconds >= 90.0 else f"{round(seconds, -1):.0f} seconds"
-        on = "1 core" if cores == 1 else f"{cores} cores"
-        return (
-            f"{self.job}: about {length} on {on} ({self.presses} presses x {self.pairs} pairs of parts in the map); "
-            "less where the light is known"
-        )
-
-
-def score_cost(design: SensorDesign, *, fine: bool, full: bool, is_run: bool = False) -> ScoreCost:
-    """Estimated cost of a score, or of a whole `optopad run` if `is_run` is True.
-
-    `fine` and `full` are the options of `optopad.sims.score.scoring.score`. A run adds mold, report and the firmware's
-    files.
-    """
-    cavity = cavity_of(design)
-    row = settings_of(fine=fine, full=full).for_pairs(len(judged_pairs(cavity)))
-    places_mm = grid_places_mm(cavity.workspace, *map_grid_mm(cavity, row.map_places))
-    depth_mm = map_depths_mm(design.operating.max_depth_mm, row.map_step_mm)
-    stages = {
-        "contact": _contact_s(design),
-        "untouched": untouched_cost_s(scene_of(design), accuracy_of(row.untouched)),
-        "pairs": _pairs_s(design, cavity, row),
-        "map": _map_s(design, places_mm, depth_mm, row),
-        "bounds": _bounds_s(design, places_mm, row),
-        "builds": _builds_s(design, cavity),
-        "rest": REST_S + (RUN_S if is_run else 0.0),
-    }
-    return ScoreCost(
-        presses=len(places_mm) * len(depth_mm),
-        pairs=len(cavity.emitters) * len(cavity.receivers),
-        core_s=sum(stages.values()),
-        stages_s=stages,
-        job="run" if is_run else "score",
-    )
-
-
-def _state_s(design: SensorDesign, settings: Accuracy) -> float:
-    """Processor time of one state: its light, and on a flat rectangle its top between the walls [s]."""
-    scene, tip = scene_of(design), tip_radius_mm(design)
-    top_s = TOP_S * scene.length_mm * scene.width_mm / tip**2 if scene.form is None else 0.0
-    return top_s + state_cost_s(scene, settings)
-
-
-def _contact_s(design: SensorDesign) -> float:
-    """Processor time to solve the presses of a tip or layer that the library does not have [s]."""
-    if not plan_of(design).top.is_flat or is_in_library(design):
-        return 0.0
-    deepest = design.operating.max_depth_mm / tip_radius_mm(design)
-    return LIVE_S * len(solved_depths(layer_depth(design), deepest))
-
-
-def _distinct(design: SensorDesign, places_mm: FloatArray) -> int:
-    """Number of locations in `places_mm` (n, 2); those that are equal by symmetry of the layout count once."""
-    found = state_classes(scene_of(design), places_mm[:, None, :], [[1.0]] * len(places_mm))
-    return len(found.first)
-
-
-def _pairs_s(design: SensorDesign, cavity: CavityGeometry, row: Settings) -> float:
-    """Processor time of single pairs, each under its own press [s]; pairs equal by symmetry are traced once."""
-    settings = accuracy_of(accuracy_of_pairs(design, row.pairs))
-    pairs = judged_pairs(cavity)
-    alike = len(pairs) / max(_distinct_pairs(design, cavity), 1)
-    depths = len(depth_schedule_mm(design.operating.max_depth_mm, row.step_mm))
-    return len(pairs) / alike * depths * emitter_cost_s(scene_of(design), settings, 1)
-
-
-def _distinct_pairs(design: SensorDesign, cavity: CavityGeometry) -> int:
-    """Number of judged pairs; pairs whose presses are equal by symmetry of the layout count once."""
-    places = np.array([chord_midpoint_mm(cavity, pair) for pair in judged_pairs(cavity)])
-    distinct = np.unique(np.round(places, 6), axis=0)
-    return round(len(places) * _distinct(design, distinct) / len(distinct))
-
-
-def _map_s(design: SensorDesign, places_mm: FloatArray, depth_mm: FloatArray, row: Settings) -> float:
-    near = int(np.sum(depth_mm <= NEAR_MM))
-    at_a_place = near * _state_s(design, row.near or row.map)
-    at_a_place += (len(depth_mm) - near) * _state_s(design, row.map)
-    return _distinct(design, places_mm) * at_a_place
-
-
-def _bounds_s(design: SensorDesign, places_mm: FloatArray, row: Settings) -> float:
-    """Processor time for the bounds: all presses, in two independent traces [s]."""
-    scene, steps = scene_of(design), Steps()
-    depths = bound_depths_mm(row.bound_depths_mm, design.operating.max_depth_mm, steps.depth_mm)
-    voxels = np.column_stack([places_mm, np.ones(len(places_mm))])
-    sides = stencil_presses(voxels, steps.offsets_mm(voxels[:, 2])).reshape(-1, PRESSES, 3)
-    beside, middle = _distinct(design, sides[:, :4, :2].reshape(-1, 2)), 2 * _distinct(design, places_mm)
-    deep = int(np.sum(depths >= SHALLOW_MM))
-    first, then = (accuracy_of(one) for one in row.bounds[:2])
-    known = middle if first == row.map else 0  # the first half's, from the map
-    finer = (len(depths) - deep + TRACED_AGAIN * deep) * 2 * (beside + middle)
-    return (
-        deep * (2 * (beside + middle) - known) * _state_s(design, first)
-        + finer * _state_s(design, then)
-        + untouched_cost_s(scene, first)
-    )
-
-
-def _builds_s(design: SensorDesign, cavity: CavityGeometry) -> float:
-    """Processor time of tolerance and sensitivity [s].
-
-    Tolerance needs a verdict at both ends of every unmeasured parameter, sensitivity one for a step up and down of each
-    field.
-    """
-    settings, scene = accuracy_of_builds(design), scene_of(design)
-    pairs = len(cavity.emitters) * len(cavity.receivers)
-    is_facing, is_flat = is_facing_rows(cavity), scene.form is None
-    judged = 1 if is_facing else max(round(ANSWERING_PAIRS * pairs), 1)
-    depths = len(depth_schedule_mm(design.operating.max_depth_mm, COARSE_STEP_MM))
-    fields = [path for path in cheap_fields(design) if path != TARGET]
-    stepped = [design] * (2 * len(fields))
-    total = 0.0
-    for build, is_step in _tried(design, stepped):
-        own = scene_of(build)
-        judged_s = pair_cost_s(own, settings) * judged if is_flat else state_cost_s(own, settings)
-        if is_facing and not is_flat:
-            judged_s = emitter_cost_s(own, settings, 1)
-        bounds_s = (2 * PRESSES + 1) * state_cost_s(own, settings) if is_step else 0.0
-        mirrors = SAME_MIRRORS if not is_flat and build is not design and _mirrors_alike(own, scene) else 1.0
-        total += (
-            (1.0 if is_flat else TRACED_TWICE)
-            * mirrors
-            * (untouched_cost_s(own, settings) + depths * judged_s + bounds_s)
-        )
-    return total
-
-
-def _tried(design: SensorDesign, stepped: Sequence[SensorDesign]) -> list[tuple[SensorDesign, bool]]:
-    """Designs that are judged for tolerance and sensitivity, each with whether it also needs bounds."""
-    ends = [(design.with_(**{used.path: end}), False) for used, both in tried_values(design) for end in both]
-    return [(design, True), *ends, *((build, True) for build in stepped)]
-
-
-def _mirrors_alike(one: object, other: object) -> bool:
-    """Whether two scenes differ only in scattering, not in mirrored light."""
-    scatters = {"wall_reflectance", "bottom_reflectance", "tip_reflectance"}
-    kept = [
-        {name: repr(value) for name, value in vars(scene).items() if name not in scatters}
-        for scene in (one, other)
-    ]
-    return kept[0] == kept[1]

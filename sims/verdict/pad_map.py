@@ -140,7 +140,7 @@ def read_depths(
     step = min(min_length_mm, deepest) / STEPS
     starts = np.arange(0.0, deepest - STEPS * step + 0.5 * step, step)
     grid_mm = np.asarray(step * np.arange(len(starts) + STEPS), dtype=np.float64)
-    low, mean, high = (_widest(distances) for distances in _square_distances(frames, grid_mm))
+    low, mean, high = _widest_squares(frames, grid_mm)
     limit = threshold**2
     blind, least, most = (
         _blindness(starts, STEPS * step, squares < limit, deepest) for squares in (mean, high, low)
@@ -160,33 +160,27 @@ def read_depths(
     )
 
 
-def _square_distances(frames: Frames, at_mm: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Squared distances of the frames at m depths, each (m, m): smallest possible, best estimate, largest possible."""
+def _widest_squares(frames: Frames, at_mm: FloatArray) -> FloatArray:
+    """(3, start) largest squared distance of two frames within each window: smallest, best estimate, largest possible.
+
+    Parameters
+    ----------
+    at_mm : depths of the frames; a window is `STEPS` of their steps [mm]
+    """
     one, two = (interpolated(frames.depth_mm, half, at_mm) for half in frames.halves)
     once = interpolated(frames.depth_mm, frames.variance[:, None], at_mm)[:, 0]
-    pairs = one.shape[1]
-    square = _from_products(one @ two.T)
-    apart = 0.5 * (one - two)
-    sigma2 = np.maximum(_from_products(apart @ apart.T), 0.0) / pairs
-    deviation = 2.0 * np.sqrt(sigma2 * (np.maximum(square, 0.0) + pairs * sigma2))
-    doubt = once[:, None] + once[None, :]
-    return square - BOUND * doubt - SURE * deviation, square, square + SURE * deviation
-
-
-def _from_products(products: FloatArray) -> FloatArray:
-    """(m, m) products (a(j) - a(i)) · (b(j) - b(i)), from the (m, m) products a(i) · b(j)."""
-    own = np.diag(products)
-    return np.asarray(own[:, None] + own[None, :] - products - products.T)
-
-
-def _widest(square: FloatArray) -> FloatArray:
-    """(start,) largest squared distance of two frames within each window."""
-    count = len(square) - STEPS
-    widest = np.full(count, -np.inf)
+    pairs, count = one.shape[1], len(at_mm) - STEPS
+    widest = np.full((3, count), -np.inf)
     for lag in range(1, STEPS + 1):
-        apart = np.diagonal(square, lag)
-        windows = np.lib.stride_tricks.sliding_window_view(apart, STEPS + 1 - lag)[:count]
-        widest = np.maximum(widest, windows.max(axis=1))
+        moved, moved_too = one[lag:] - one[:-lag], two[lag:] - two[:-lag]
+        square = np.einsum("ij,ij->i", moved, moved_too)
+        apart = 0.5 * (moved - moved_too)
+        sigma2 = np.einsum("ij,ij->i", apart, apart) / pairs
+        deviation = SURE * 2.0 * np.sqrt(sigma2 * (np.maximum(square, 0.0) + pairs * sigma2))
+        doubt = BOUND * (once[lag:] + once[:-lag])
+        squares = np.stack([square - doubt - deviation, square, square + deviation])
+        windows = np.lib.stride_tricks.sliding_window_view(squares, STEPS + 1 - lag, axis=1)[:, :count]
+        np.maximum(widest, windows.max(axis=2), out=widest)
     return widest
 
 

@@ -6,13 +6,13 @@ import pytest
 from optopad.design.preset import preset
 from optopad.sims.contact import indent
 from optopad.sims.contact.indentation import solved_press
-from optopad.sims.contact.library.build import entry_inputs
 from optopad.sims.contact.library.profile_library import shipped_library
 from optopad.sims.contact.library.smooth_press import POISSON_RATIOS
 from optopad.sims.contact.library.unit_press import solve_unit_press
 from optopad.sims.contact.mesh import radial_mesh
 from optopad.sims.contact.scope import WALL_RADIUS
 from optopad.sims.contact.wedge import solve_wedge
+from tests.validation.contact.library_build import entry_inputs
 
 
 def test_press_from_the_loaded_library(benchmark):

@@ -10,8 +10,8 @@ import pytest
 
 from optopad.design.preset import preset
 from optopad.design.spec.tolerances import build_tolerances
-from optopad.jobs.sweep import run_sweep
 from optopad.sims.verdict.builds import build_study, facing_judge
+from optopad.verbs.sweep import sweep
 
 PAIR = preset("piacenza2017-pair")
 SWEEP_LIMIT_S = 30.0
@@ -40,12 +40,11 @@ def _measured(benchmark, work, name):
 def test_a_sweep_of_13_thicknesses_of_the_pair(benchmark, bench_size, tmp_path):
     count = bench_size.of(13, 2)
 
-    def sweep(part):
+    def swept(part):
         values = [6.0 + 0.5 * step for step in range(1 if part else count)]
-        settings = {"fine": False, "seed": 0, "build": False, "on_step": lambda *_: None}
-        return run_sweep(PAIR, "cavity.clear_thickness_mm", values, tmp_path, **settings)
+        return sweep(PAIR, "cavity.clear_thickness_mm", values, out=tmp_path)
 
-    made, figures = _measured(benchmark, sweep, "sweep")
+    made, figures = _measured(benchmark, swept, "sweep")
     assert len(made.rows) == count
     assert (
         not bench_size.is_timed or figures["core_s"] < 2 * SWEEP_LIMIT_S

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from optopad.sims.optics.oracle.tracer import trace_oracle
 from tests.bench.measures.benchmark_states import benchmark_scene, different_walls
 from tests.bench.measures.forward_walk import Walked, walk
 from tests.bench.measures.walk_cost import (
@@ -19,6 +18,7 @@ from tests.bench.measures.walk_cost import (
     mitsuba_walk,
     plain_walk,
 )
+from tests.oracle.tracer import trace_oracle
 from tests.sims.optics.surface.analytic import compact_dimple
 
 SEGMENTS_PER_SECOND = 8e6

@@ -11,20 +11,20 @@ import numpy as np
 import pytest
 import trimesh
 
-from optopad.cad.checks import cavity_agreement, first_hits_mm
 from optopad.cad.export import export_parts, part_files, step_bytes
-from optopad.cad.indenter_tip import indenter_tip, indenter_tip_volume_mm3, shank_mm
+from optopad.cad.indenter_tip import indenter_tip, shank_mm
 from optopad.cad.leveling_blade import blade_size, leveling_blade
 from optopad.cad.mesh import mesh_of, read_stl, stl_bytes
 from optopad.cad.mold import build_mold
-from optopad.cad.volume import mold_volume_mm3, shared_with_lip_mm3
 from optopad.design.errors import DesignError
 from optopad.design.mold.outline import bed_lift_mm, outline_of
 from optopad.design.mold.sockets import Cut
 from optopad.design.preset import preset
 from optopad.design.shape.cavity import cavity_of
 from optopad.design.spec.indenter import tip_height_mm
+from tests.cad.agreement import cavity_agreement, first_hits_mm
 from tests.cad.golden_parts import RECORDED
+from tests.cad.volumes import blade_volume_mm3, indenter_tip_volume_mm3, mold_volume_mm3, shared_with_lip_mm3
 
 TOOLS = ("leveling_blade.stl", "pour_gauge.stl", "solder_jig.stl", "indenter_tip.stl")
 VOLUME_LIMIT = 1e-3  # chords of the round holes; demanded of every mold
@@ -224,7 +224,7 @@ def test_blade_leaves_the_black_layer(built):
     size = blade_size(built.design)
     rim_to_edge = built.design.cavity.clear_thickness_mm + built.design.mold.rim_mm
     assert size.reach_mm == rim_to_edge
-    assert leveling_blade(built.design).val().Volume() == pytest.approx(size.volume_mm3, rel=1e-9)
+    assert leveling_blade(built.design).val().Volume() == pytest.approx(blade_volume_mm3(size), rel=1e-9)
     part = loaded(built.files, "leveling_blade.stl")
     low = np.array([row for row in part.vertices if row[1] < 1e-6])
     inner = min(built.design.cavity.length_mm, built.design.cavity.width_mm)

@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from optopad.cad.checks import cavity_agreement
 from optopad.cad.export import part_files
 from optopad.cad.mesh import read_stl
 from optopad.cad.mold import build_mold
-from optopad.cad.volume import mold_volume_mm3
 from optopad.design.errors import DesignError
 from optopad.design.mold.label import label_lines, letters, mold_label
 from optopad.design.mold.outline import outline_of
@@ -18,6 +16,8 @@ from optopad.design.preset import preset
 from optopad.design.rules.check import check, require_valid
 from optopad.design.shape.cavity import cavity_of
 from optopad.design.spec import SensorDesign
+from tests.cad.agreement import cavity_agreement
+from tests.cad.volumes import mold_volume_mm3
 
 PAIR = preset("piacenza2017-pair")
 

@@ -7,14 +7,13 @@ import numpy as np
 import pytest
 import trimesh
 
-from optopad.cad.checks import PartFile, cavity_agreement, check_parts, design_findings
+from optopad.cad.checks import PartFile, check_parts, design_findings
 from optopad.cad.export import export_parts, part_files
 from optopad.cad.indenter_tip import shank_mm
 from optopad.cad.mesh import mesh_of as solid_mesh
 from optopad.cad.mold import build_mold
 from optopad.cad.pour_gauge import gauge_size, pour_gauge
 from optopad.cad.solder_jig import jig_size, solder_jig
-from optopad.cad.volume import base_volume_mm3, mold_volume_mm3
 from optopad.design.circuit.circuit import Circuit
 from optopad.design.errors import DesignError, InputError
 from optopad.design.mold.lettering import area_mm2
@@ -27,6 +26,8 @@ from optopad.design.rules.check import require_valid
 from optopad.design.shape.cavity import cavity_of
 from optopad.design.spec.fits import fit
 from optopad.fabrication.connections import connections_of
+from tests.cad.agreement import cavity_agreement
+from tests.cad.volumes import base_volume_mm3, gauge_volume_mm3, jig_volume_mm3, mold_volume_mm3
 from tests.said import says
 
 PAD, FINGER, PAIR = preset("piacenza2017-pad"), preset("fingertip-16"), preset("piacenza2017-pair")
@@ -207,7 +208,7 @@ def test_the_middle_tooth_of_the_pour_gauge_ends_at_the_undisturbed_top(name):
     size, gauge = gauge_size(design), pour_gauge(design)
     assert size.teeth_mm[1] == design.mold.rim_mm
     assert -gauge.val().BoundingBox().ymin == pytest.approx(design.mold.rim_mm + 0.3, abs=1e-6)
-    assert gauge.val().Volume() == pytest.approx(size.volume_mm3, rel=ROUNDING)
+    assert gauge.val().Volume() == pytest.approx(gauge_volume_mm3(size), rel=ROUNDING)
 
 
 @pytest.mark.parametrize("name", PRESETS)
@@ -216,7 +217,7 @@ def test_the_solder_jig_has_the_pitch_of_every_part(name):
     size = jig_size(design)
     kinds = {part.part_id: part.part for part in cavity_of(design).parts}
     assert set(size.part_ids) == set(kinds)
-    assert solder_jig(design).val().Volume() == pytest.approx(size.volume_mm3, rel=ROUNDING)
+    assert solder_jig(design).val().Volume() == pytest.approx(jig_volume_mm3(size), rel=ROUNDING)
     radial = [part for part in kinds.values() if part.mounting == "radial"]
     for part in radial:
         xs = sorted(hole.x for hole in size.holes)
@@ -230,7 +231,7 @@ def test_the_tip_s_shank_is_long_enough_to_hold_beyond_the_deepest_press():
 def test_a_mold_beyond_the_bed_is_a_warning_with_both_sizes(built_of):
     stl = built_of("piacenza2017-pair").files["mold.stl"]
     volume = mold_volume_mm3(PAIR)
-    mold = PartFile(name="mold", stl=stl, solid_mm3=volume, formula_mm3=volume)
+    mold = PartFile(name="mold", stl=stl, solid_mm3=volume)
     found = check_parts(PAIR, (mold,), bed_mm=(30.0, 30.0, 30.0))
     (row,) = [row for row in found.findings if row.name == "mold: print bed"]
     assert row.state == "warning"

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from optopad.cad.checks import cavity_agreement, design_findings, dish_agreement, first_hits_mm
+from optopad.cad.checks import design_findings
 from optopad.cad.export import export_parts, part_files
 from optopad.cad.leveling_blade import PLAY_MM as BLADE_PLAY_MM
 from optopad.cad.leveling_blade import blade_size, leveling_blade
@@ -17,11 +17,12 @@ from optopad.cad.lid import DRAFT_DEG, OVER_CROWN_MM, lid, lid_size, turned_over
 from optopad.cad.mesh import CHORD_LIMIT_MM, CHORD_MM, mesh_of, read_stl
 from optopad.cad.mold import build_mold
 from optopad.cad.pour_gauge import gauge_size
-from optopad.cad.volume import lid_volume_mm3, mold_volume_mm3
 from optopad.design.mold.outline import bed_lift_mm, outline_of
 from optopad.design.preset import FLAT_PRESETS, SHAPED_PRESETS, preset
 from optopad.design.shape.cavity import cavity_of
+from tests.cad.agreement import cavity_agreement, dish_agreement, first_hits_mm, forms_top
 from tests.cad.conftest import presets
+from tests.cad.volumes import lid_volume_mm3, mold_volume_mm3
 
 DISC, CROWNED, DOME, STADIUM = (preset(name) for name in SHAPED_PRESETS)
 CROWNS = ("crowned-40x25", "fingertip-dome")
@@ -224,7 +225,7 @@ def test_a_lid_lies_on_its_mold_with_its_pins_in_the_holes(name):
 def test_a_lid_forms_the_top_but_for_a_narrow_ring_at_the_walls(name):
     plan, size = outline_of(preset(name)).plan, lid_size(preset(name))
     spots = np.random.default_rng(0).uniform(size=(4000, 2)) * [plan.length_mm, plan.width_mm]
-    formed = [size.forms_top(plan, x, y) for x, y in spots if plan.contains(x, y)]
+    formed = [forms_top(size, plan, x, y) for x, y in spots if plan.contains(x, y)]
     ring_mm = 0.25  # play and draft, and the samples' spread
     ring = 2 * ring_mm * (1 / plan.length_mm + 1 / plan.width_mm)
     assert 1 - ring < np.mean(formed) < 1.0

@@ -12,9 +12,9 @@ from optopad.cad import slicer
 from optopad.cad.checks import PartFile, check_parts, with_slices
 from optopad.cad.export import export_parts, part_files
 from optopad.cad.slicer import minutes_of, sliced, slicer_command
-from optopad.cad.volume import mold_volume_mm3
 from optopad.design.errors import InputError
 from optopad.design.preset import preset
+from tests.cad.volumes import mold_volume_mm3
 
 PAIR = preset("piacenza2017-pair")
 BED = (250.0, 210.0, 210.0)
@@ -35,8 +35,8 @@ def stl_of(*boxes: tuple[tuple[float, float, float], tuple[float, float, float]]
     return stream.getvalue()
 
 
-def findings_of(stl: bytes, formula_mm3: float) -> dict[str, tuple[float, str]]:
-    part = PartFile(name="box", stl=stl, solid_mm3=formula_mm3, formula_mm3=formula_mm3)
+def findings_of(stl: bytes, solid_mm3: float) -> dict[str, tuple[float, str]]:
+    part = PartFile(name="box", stl=stl, solid_mm3=solid_mm3)
     checks = with_slices(check_parts(PAIR, ()), PAIR, (part,), BED)
     return {one.name: (one.value, one.state) for one in checks.findings if one.name.startswith("box: ")}
 
@@ -61,7 +61,7 @@ def test_a_floating_body_is_a_warning_in_the_slicers_words() -> None:
 @needs_slicer
 def test_a_missing_triangle_that_the_slicer_mends_in_silence_shows_in_its_volume() -> None:
     found = findings_of(stl_of(((10, 10, 5), (0, 0, 0)), drop=1), 500.0)
-    assert found["box: volume in the slicer against the formula"][1] == "error"
+    assert found["box: volume in the slicer against the solid"][1] == "error"
 
 
 @needs_slicer
@@ -75,7 +75,7 @@ def test_a_wall_that_no_nozzle_makes_is_not_extruded_with_its_volume() -> None:
 def test_the_smallest_preset_s_mold_slices_without_a_warning() -> None:
     design = preset("fingertip-16")
     stl, volume = part_files(design)["mold.stl"], mold_volume_mm3(design)
-    mold = PartFile(name="mold", stl=stl, solid_mm3=volume, formula_mm3=volume)
+    mold = PartFile(name="mold", stl=stl, solid_mm3=volume)
     checks = with_slices(check_parts(design, (mold,)), design, (mold,), BED)
     assert [row for row in checks.findings if row.state != "ok"] == []
     assert 10 < checks.prints["mold"]["minutes"] < 120

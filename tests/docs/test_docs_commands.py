@@ -29,7 +29,6 @@ RUN_ELSEWHERE = {
     "driver ros2": "fabrication/ros2/test_workspace.py",
     "calibrate": "optopad/jobs/test_calibrate.py",
     "compare": "optopad/jobs/test_compare.py",
-    "contact build": "optopad/jobs/test_contact_build.py",
     "contact show": "optopad/jobs/test_contact_show.py",
     "doctor": "optopad/test_doctor.py",
     "driver check": "optopad/cli/test_cli_driver.py",

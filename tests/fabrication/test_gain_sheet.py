@@ -48,6 +48,15 @@ def test_sheet_bill_and_driver_name_the_same_resistor_and_capacitor() -> None:
     assert "| 150 kohm | +2.7% | 15 pF |" in sheet
 
 
+def test_receivers_whose_rows_say_the_same_share_a_row() -> None:
+    nearly = SimulatedGain(counts_per_flux=(1e5, 1.0000001e5) * 4, untouched_flux=FLUX)
+    assert "| R1 R2 R3 R4 R5 R6 R7 R8 | 146 kohm | " in casting_md(PAD, nearly)
+    halves = SimulatedGain(counts_per_flux=(1e5, 1.5e5) * 4, untouched_flux=FLUX)
+    sheet = casting_md(PAD, halves)
+    assert "| R1 R3 R5 R7 | 146 kohm | " in sheet
+    assert "| R2 R4 R6 R8 | 219 kohm | " in sheet
+
+
 def test_pairs_above_full_scale_are_listed_with_the_resistor_that_is_fitted() -> None:
     # 150 kohm for 146.05: 1.0270 x 1e5 x flux > 1023 from 9.96e-3 on: sums of places 9 to 14, 21 of 64 pairs
     found = clipped_pairs(PAD, GAIN)

@@ -14,12 +14,12 @@ import optopad
 from optopad.design.errors import DesignError, InputError
 from optopad.fabrication.bundle import bundle_name
 from optopad.fabrication.driver_config import dump_driver_config
-from optopad.jobs import compare as comparing
-from optopad.jobs import sweep as sweeping
-from optopad.results.prediction import PredictedAccuracy, Prediction, accuracy_of
-from optopad.results.score import Score
+from optopad.screen.prediction import PredictedAccuracy, Prediction, accuracy_of
+from optopad.screen.score import Score
 from optopad.sims.learning.tables import JudgedPresses
 from optopad.sims.score import scoring
+from optopad.verbs import compare as comparing
+from optopad.verbs import sweep as sweeping
 from tests.sims.made_up_scores import contiguous_score, dead_score, out_of_scope_score
 
 ROOT = Path(__file__).parents[2]

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from numba import njit
 
-from optopad.cli.output import progress
+from optopad.screen.output import progress
 from optopad.sims.compiling import compiling_told, is_there, listen_to_numba, tell_of
 
 ROOT = Path(__file__).parents[2]
@@ -80,7 +80,7 @@ def test_machines_read_nothing_of_it(capsys: pytest.CaptureFixture[str]) -> None
 
 def test_drawing_progress_needs_no_numba() -> None:
     program = (
-        "import sys\nfrom optopad.cli.output import progress\n"
+        "import sys\nfrom optopad.screen.output import progress\n"
         "with progress(quiet=False) as step:\n    step('mold', 1.0)\n"
         "print('numba' in sys.modules)"
     )

@@ -15,7 +15,6 @@ import h5py
 import pytest
 import xarray as xr
 
-from optopad.cli.search import _text as improve_text
 from optopad.design.csv_table import read_csv
 from optopad.design.errors import OptopadError
 from optopad.design.io import dump_design, load_design
@@ -31,6 +30,7 @@ from optopad.fabrication.stage.stage import read_press_list
 from optopad.sims.learning.inference.model_file import load_model
 from optopad.sims.readings.dataset import read_data
 from optopad.sims.readings.recording import read_recording
+from optopad.verbs.improve import _text as improve_text
 
 TABLES: dict[str, tuple[Callable[[Path], Any], str, tuple[str, str]]] = {
     "press list": (read_press_list, "x_mm,y_mm,depth_mm", ("8.5,9.5,2.5", "8.5,9.5,3.5")),

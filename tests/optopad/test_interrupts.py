@@ -103,9 +103,9 @@ import optopad.doctor
 optopad.doctor.examine = examine
 """
 AFTER_A_CLEAN_END = """
-import optopad.cli.sensor
+from optopad.verbs.driver.read import until_interrupted
 def examine():
-    with optopad.cli.sensor._until_interrupted():
+    with until_interrupted():
         os.kill(os.getpid(), signal.SIGINT)
         time.sleep(10)
     raise ValueError

@@ -33,7 +33,7 @@ WARNINGS = (
 CHECKS = {
     "ok": True,
     "digest": "",
-    "volumes_mm3": {"mold": {"stl": 17950.1234, "solid": 17950.2, "formula": 17950.2}},
+    "volumes_mm3": {"mold": {"stl": 17950.1234, "solid": 17950.2}},
     "findings": [
         {"name": "mold: watertight", "value": 1, "limit": 1, "unit": "yes", "state": "ok", "note": ""},
         {

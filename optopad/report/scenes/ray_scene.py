@@ -23,7 +23,7 @@ from optopad.design.shape.cavity import (
 from optopad.design.spec import SensorDesign
 from optopad.report.words import governing
 from optopad.sims.contact.tip import tip_points_mm
-from optopad.sims.optics.oracle.paths import LightPath
+from optopad.sims.optics.paths import LightPath
 from optopad.sims.plots.contact import press_frame
 from optopad.sims.rays import KINDS, LOST, LightKind, Pair, Press, RayChoice, RayState, kind_of, ray_states
 from optopad.sims.score.result import ContinuityScore

@@ -6,6 +6,8 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from markupsafe import Markup, escape
+
 from optopad.design.press_protocol import load_protocol
 from optopad.design.shape.cavity import cavity_of
 from optopad.design.spec import SensorDesign
@@ -14,7 +16,7 @@ from optopad.report.scenes.cause_drawing import plot_cause
 from optopad.report.scenes.layout_drawing import plot_layout
 from optopad.report.scenes.map_scene import MapScene, plot_by_depth
 from optopad.report.sections.published import published_load
-from optopad.report.words import Html, element, governing, ranked
+from optopad.report.words import governing, ranked
 from optopad.screen.verdict_sentences import spans, unit_of
 from optopad.sims.contact.force_curve import ForceCurve
 from optopad.sims.contact.load_protocol import load_history, solid_of
@@ -90,6 +92,24 @@ class Drawing:
     def file_name(self) -> str:
         """Name of the plot's SVG file in the bundle's ``sims`` folder."""
         return f"{self.stem}.svg"
+
+    @property
+    def card(self) -> str:
+        """CSS class of the plot's card: maps keep their colours; others follow the page's light or dark colours."""
+        return "card" if self.stem.startswith(f"{PREFIX}map-") else "card themed"
+
+    @property
+    def inline(self) -> Markup:
+        """The SVG for use inside a page: its prologue, style, size and names of groups are removed."""
+        body = self.svg[self.svg.index("<svg") :]
+        body = re.sub(r"<defs>\s*<style[^>]*>.*?</style>\s*</defs>", "", body, flags=re.DOTALL)
+        opening, rest = _themed(re.sub(r'<g id="[^"]*"', "<g", body)).split(">", 1)
+        view = re.search(r'viewBox="[^"]*"', opening)
+        assert view is not None
+        return Markup(
+            f'<svg class="plot" role="img" {view[0]} xmlns="http://www.w3.org/2000/svg" '
+            f'xmlns:xlink="http://www.w3.org/1999/xlink"><title>{escape(self.shows)}</title>{rest.strip()}'
+        )
 
 
 def shown_pairs(score: ContinuityScore) -> list[tuple[JudgedPair, str]]:
@@ -263,15 +283,6 @@ def _tolerance_plots(score: ContinuityScore) -> dict[str, tuple[Axes, str]]:
     return found
 
 
-def figure_of(drawing: Drawing, caption: str) -> Html:
-    """The HTML of a plot on its card, with a caption."""
-    return element(
-        "figure",
-        element("div", inline_svg(drawing.svg, drawing.shows), class_=_card(drawing)),
-        element("figcaption", caption),
-    )
-
-
 def _build_plots(score: ContinuityScore) -> dict[str, tuple[Axes, str]]:
     if score.builds is None or score.tolerance is None:
         return {}
@@ -291,30 +302,10 @@ def _step_plots(score: ContinuityScore) -> dict[str, tuple[Axes, str]]:
     return {"field-steps": (figure.axes[0], f"Effect of a step of each parameter, by {score.steps.judged}")}
 
 
-def _card(drawing: Drawing) -> str:
-    """CSS class of a plot's card: maps keep their colours; other plots follow the page's light or dark colours."""
-    return "card" if drawing.stem.startswith(f"{PREFIX}map-") else "card themed"
-
-
 def _themed(svg: str) -> str:
     """Replace a plot's colours by those of the page, in the style attributes that matplotlib writes."""
     return re.sub(
         r'(?:style|fill)="[^"]*"',
         lambda found: re.sub(r"#[0-9a-f]{6}", lambda colour: THEMED.get(colour[0], colour[0]), found[0]),
         svg,
-    )
-
-
-def inline_svg(svg: str, label: str) -> Html:
-    """SVG text for use inside a page: its prologue, style, size and names of groups are removed."""
-    body = svg[svg.index("<svg") :]
-    body = re.sub(r"<defs>\s*<style[^>]*>.*?</style>\s*</defs>", "", body, flags=re.DOTALL)
-    body = _themed(re.sub(r'<g id="[^"]*"', "<g", body))
-    opening, rest = body.split(">", 1)
-    view = re.search(r'viewBox="[^"]*"', opening)
-    assert view is not None
-    named = element("title", label)
-    return Html(
-        f'<svg class="plot" role="img" {view[0]} xmlns="http://www.w3.org/2000/svg" '
-        f'xmlns:xlink="http://www.w3.org/1999/xlink">{named}{rest.strip()}'
     )

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
+from markupsafe import Markup
 
 from optopad.design.arrays import FloatArray
 from optopad.design.shape.cavity import cavity_of
 from optopad.design.spec import SensorDesign
 from optopad.design.spec.properties import modulus
 from optopad.report.scenes.map_scene import DepthMap, MapScene, depth_maps
-from optopad.report.sections.drawings import Drawing, figure_of
-from optopad.report.words import Html, bounds_words, data_element, element, losses_table, radios, section
-from optopad.screen.verdict_sentences import counted, spans
+from optopad.report.sections.drawings import Drawing
+from optopad.report.words import part
 from optopad.sims.bounds.detection_threshold import DetectionThreshold
 from optopad.sims.bounds.fisher import BAND
-from optopad.sims.bounds.observability import PadBounds
+from optopad.sims.bounds.observability import BoundFigure, PadBounds
 from optopad.sims.score.result import ContinuityScore
-from optopad.sims.verdict.depth_curve import DEADBAND_MIN_LENGTH_MM, DEADBAND_THRESHOLD
 from optopad.sims.verdict.figure_errors import place_force
 from optopad.sims.verdict.pad_map import PadMap, pad_profile
 
@@ -43,109 +44,49 @@ def map_scene(design: SensorDesign, score: ContinuityScore) -> MapScene | None:
     )
 
 
-def map_section(score: ContinuityScore, drawings: Drawings, scene: MapScene | None) -> Html:
+def map_section(score: ContinuityScore, drawings: Drawings, scene: MapScene | None) -> Markup:
     """The section on the pad: maps by depth with a slider, and the verdict's own maps over all depths."""
-    pad_map = score.pad_map
+    pad_map, bounds = score.pad_map, score.bounds
     if pad_map is None:
-        return Html("")
-    lead = f"{counted(len(pad_map.places), 'location')} pressed; {pad_map.dead_share:.0%} have a deadband."
-    if score.is_facing_rows:
-        lead += (
-            " It pools every pair with a direct path; facing rows are judged by their facing pairs instead."
-        )
-    parts = [] if scene is None else [_view(scene), data_element("maps-data", scene.data())]
-    return section(
+        return Markup()
+    losses = [] if bounds is None or score.is_facing_rows else [(one.part, one) for one in bounds.losses]
+    return part(
         "map",
-        "Map of the pad",
-        element("p", lead),
-        *bounds_words(score),
-        *([element("p", f"{rise.sentence}.")] if (rise := score.rise) else []),
-        *parts,
-        element("div", *_still(score, drawings), *_by_depth(scene, drawings), class_="grid", id="maps-still"),
-        element(
-            "p",
-            "Dots on the walls: emitters; squares: receivers. Dashed: the workspace. A cell is the press "
-            "at its centre; between locations no value was computed. In brackets: two standard errors of "
-            "the light model, or the band of the modulus.",
-            class_="note",
-        ),
-        losses_table(score),
+        score=score,
+        pad_map=pad_map,
+        drawings=drawings,
+        scene=scene,
+        last_depth=0 if scene is None else max(len(one.depth_mm) for one in scene.maps) - 1,
+        bounds=bounds_words(score),
+        losses=[("none", bounds), *losses] if losses else [],
+        worst_loss=None if bounds is None else bounds.worst_loss,
+        span=_span,
     )
 
 
-def _still(score: ContinuityScore, drawings: Drawings) -> list[Html]:
-    assert score.pad_map is not None
-    weakest, figures = score.pad_map.weakest, []
-    if "map-deadband" in drawings:
-        figures.append(
-            figure_of(
-                drawings["map-deadband"],
-                "Summed deadband, all readings of a frame together. Framed: the worst location, "
-                f"{spans(score.pad_map.worst.deadbands_mm)} mm.",
-            )
-        )
-    if "map-usable" in drawings:
-        figures.append(
-            figure_of(
-                drawings["map-usable"],
-                "Usable depth: one frame of all readings resolves depth down to it; deeper the readings "
-                f"no longer change. Framed: the location of least margin, to {weakest.usable_mm:.2f} mm.",
-            )
-        )
-    figures.append(
-        figure_of(
-            drawings["map-margin"],
-            f"Margin: least change of all readings over {DEADBAND_MIN_LENGTH_MM:g} mm of depth; below "
-            f"{DEADBAND_THRESHOLD:g} sigma depth is not resolved. Framed: the least margin, "
-            f"{weakest.margin:.1f} sigma (± {weakest.depths.margin_error:.1f} by numerical error); "
-            f"{counted(weakest.answering_pairs, 'pair')} respond there.",
-        )
-    )
-    return figures
+def bounds_words(score: ContinuityScore) -> Markup:
+    """Sentences that summarise the bounds; empty if they were not computed."""
+    if score.bounds is None:
+        return Markup()
+    return part(
+        "bounds",
+        bounds=score.bounds,
+        is_facing_rows=score.is_facing_rows,
+        span=_span,
+        digits=_digits,
+        inf=math.inf,
+    ).strip()
 
 
-def _by_depth(scene: MapScene | None, drawings: Drawings) -> list[Html]:
-    """Still pictures of the maps that the script steps through, at a few depths each."""
-    maps = () if scene is None else scene.maps
-    named = ((drawings.get(f"map-by-depth-{one.key}"), one) for one in maps)
-    return [figure_of(drawing, f"{one.title}. {one.tells}") for drawing, one in named if drawing is not None]
+def _span(figure: BoundFigure) -> str:
+    if math.isinf(figure.value):
+        return "not resolved"
+    high = "open" if math.isinf(figure.high) else _digits(figure.high)
+    return f"{_digits(figure.value)} mm ({_digits(figure.low)} to {high})"
 
 
-def _view(scene: MapScene) -> Html:
-    """The empty view with its controls, which the page's script fills with a map."""
-    last = max(len(one.depth_mm) for one in scene.maps) - 1
-    slider = element("input", type="range", min="0", max=str(last), step="1", value="0", id="maps-depth")
-    which = radios("maps-which", (one.title for one in scene.maps))
-    name = "Map of the pad. Arrow keys move from location to location."
-    return element(
-        "div",
-        element("fieldset", element("legend", "Shown"), *which, class_="choices"),
-        element(
-            "div",
-            element("label", "Depth ", slider),
-            element("output", "", for_="maps-depth"),
-            element("button", "play", type="button", data_play="", aria_pressed="false"),
-            class_="controls",
-        ),
-        element("p", "", data_about="", class_="note"),
-        element(
-            "div",
-            element(
-                "div",
-                Html(f'<svg data-map="" role="img" tabindex="0" class="live" aria-label="{name}"></svg>'),
-                element("p", "", data_scale="", class_="legend scale"),
-            ),
-            element(
-                "div",
-                element("p", "", data_reading="", class_="reading", aria_live="polite"),
-                Html('<svg data-profile="" role="img" class="live"></svg>'),
-                element("p", "", data_summary="", class_="note"),
-            ),
-            class_="beside even",
-        ),
-        id="maps-view",
-        hidden="",
-    )
+def _digits(value: float) -> str:
+    return f"{value:#.2g}" if value < 0.1 else f"{value:.2f}"
 
 
 FINE_TO_POOR = ("#00343f", "#00785a", "#8fc7a2", "#f6f2d8", "#f2b98a", "#a33f00")

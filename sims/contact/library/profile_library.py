@@ -18,8 +18,8 @@ thickness. Another wall radius is assumed to change a by the same amount in ever
 1/thickness and linear in 1/radius, and is extrapolated to the largest pad (contact-interpolation.md measures a press
 there).
 
-`optopad contact build` computes the file again. docs/validation/contact.md describes the error of the solver,
-contact-interpolation.md that of the interpolation.
+`tests/validation/contact/library_build.py` computes the file. docs/validation/contact.md describes the error of the
+solver, contact-interpolation.md that of the interpolation.
 """
 
 from __future__ import annotations
@@ -30,7 +30,6 @@ from functools import cache, cached_property
 from importlib import resources
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from optopad.design.arrays import FloatArray
@@ -41,7 +40,6 @@ from optopad.design.rules.shape import (
     LARGEST_CROWN,
     LARGEST_REACH,
     LARGEST_SHARE_OF_LAYER,
-    LEAST_RIM_SHARE,
     WALL_RADIUS_RANGE,
 )
 from optopad.sims.contact.crown import require_rim
@@ -78,31 +76,6 @@ _JOIN = 1e-9
 def deepest_press(layer: float) -> float:
     """Deepest press in the library for a layer thickness; both in tip radii."""
     return min(LARGEST_SHARE_OF_LAYER * layer, DEEPEST_PRESS)
-
-
-def largest_crown(layer: float, wall_radius: float) -> float:
-    """The largest crown (tip radius over crown radius) that the library covers [-], in steps of 0.0001.
-
-    Parameters
-    ----------
-    layer, wall_radius : layer thickness at the apex, and wall radius [tip radii]
-    """
-    fall = min((1.0 - LEAST_RIM_SHARE) * layer, wall_radius)
-    at_the_rim = 2.0 * fall / (fall**2 + wall_radius**2)
-    return math.floor(1e4 * min(at_the_rim, LARGEST_REACH / wall_radius, LARGEST_CROWN)) / 1e4
-
-
-def solved_crowns(layer: float, wall_radius: float) -> tuple[float, ...]:
-    """The crowns that are solved for a pad, increasing: the largest one; for `CROWN_CENTRE`, also half of it.
-
-    A crown is given as tip radius over the crown's radius [-].
-
-    Parameters
-    ----------
-    layer, wall_radius : layer thickness at the apex, and wall radius [tip radii]
-    """
-    largest = largest_crown(layer, wall_radius)
-    return (round(0.5 * largest, 9), largest) if (layer, wall_radius) == CROWN_CENTRE else (largest,)
 
 
 def require_crown(layer: float, wall_radius: float, crown: float) -> None:
@@ -298,36 +271,13 @@ class Library:
         return np.asarray(np.tensordot(self._pad_weights(1.0 / radius), pads, axes=1), dtype=np.float64)
 
 
-def pack(library: Library) -> dict[str, NDArray[np.generic]]:
-    """Arrays of the library file. Coefficients are in single precision, which rounds by 2 nm for a 3 mm tip."""
-    return {
-        "format": np.array(FORMAT),
-        "recipe": np.array(library.recipe),
-        "layers": library.layers,
-        "first": library.first,
-        "wall_radius": np.array(library.wall_radius),
-        "mesh_size": np.array(library.mesh_size),
-        "knots": library.knots,
-        "coefficients": library.coefficients.astype(np.float32),
-        "wall_layers": library.wall_layers,
-        "pad_radii": library.pad_radii,
-        "wall_changes": library.wall_changes.astype(np.float32),
-        "crown_layers": library.crowned.layers,
-        "crown_radii": library.crowned.radii,
-        "crown_slopes": library.crowned.slopes.astype(np.float32),
-        "crown_bow": library.crowned.bow.astype(np.float32),
-        "residual": library.residual,
-        "versions": np.array(library.versions),
-    }
-
-
 @cache
 def shipped_library() -> Library:
     """The library shipped with the package; its file is read only once."""
     with resources.as_file(resources.files("optopad.sims.contact.library").joinpath("data", FILE)) as file:
         held = plain_arrays(file, most_bytes=MOST_BYTES)
     if int(held["format"]) != FORMAT or held["coefficients"].shape[2] != VALUES:
-        raise RuntimeError(f"{FILE} is not of this version of optopad; run `optopad contact build`")
+        raise RuntimeError(f"{FILE} is not of this version of optopad; install optopad again")
     return Library(
         layers=held["layers"],
         first=held["first"],
@@ -348,29 +298,3 @@ def shipped_library() -> Library:
         recipe=int(held["recipe"]),
         versions=tuple(str(text) for text in held["versions"]),
     )
-
-
-def library_differences(left: Library, right: Library) -> tuple[float, float]:
-    """Difference between two libraries that have the same layers and wall radii.
-
-    Returns
-    -------
-    force : largest difference of a force, over the force in `right` [-]
-    surface : largest difference of a coordinate of the free surface [tip radii]
-    """
-    force = surface = 0.0
-    pads = [(layer, right.wall_radius, 0.0) for layer in right.layers]
-    pads += [(layer, radius, 0.0) for layer in right.wall_layers for radius in right.pad_radii]
-    pads += [
-        (layer, radius, crown)
-        for layer in right.crowned.layers
-        for radius in right.crowned.radii
-        for crown in (0.5 * largest_crown(layer, radius), largest_crown(layer, radius))
-    ]
-    for pad in pads:
-        first, second = (library.press(*map(float, pad)) for library in (left, right))
-        for depth in np.linspace(0.02, 1.0, 25) * second.deepest:
-            here, there = first.values_at(float(depth)), second.values_at(float(depth))
-            force = max(force, abs(float(np.expm1(here.log_force - there.log_force))))
-            surface = max(surface, float(np.abs(here.free - there.free).max()))
-    return force, surface

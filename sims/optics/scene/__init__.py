@@ -1,4 +1,4 @@
-"""A design as arrays for all kernels and the oracle: positions, materials, emission, acceptance, symmetry.
+"""A design as arrays for all kernels: positions, materials, emission, acceptance, symmetry.
 
 It imports press and, in `lower` and `optical_scene` alone, design.
 """

@@ -12,7 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from optopad.design.spec import Indenter
-from optopad.design.spec.indenter import Piece, tip_height_mm, tip_outline, tip_volume_mm3, tip_words
+from optopad.design.spec.indenter import Piece, tip_height_mm, tip_outline, tip_words
+from tests.cad.volumes import tip_volume_mm3
 from tests.design.spec.spec_fields import good
 from tests.said import says
 

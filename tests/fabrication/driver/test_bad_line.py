@@ -27,7 +27,7 @@ from optopad.fabrication.driver.recording.export import read_recorded
 from optopad.fabrication.driver.simulated.board import FakeBoard
 from optopad.fabrication.driver.simulated.port import FakePort, PtyWire
 from optopad.fabrication.driver.simulated.press_table import untouched_table
-from optopad.sensor.driver_view import link_line
+from optopad.screen.live_sensor import link_line
 from tests.fabrication.driver.made_up_pad import board, pad_config
 from tests.fabrication.driver.other_devices import PRINTERS, Talker, printer_of
 from tests.said import says

@@ -16,7 +16,7 @@ from optopad.fabrication.driver.descriptor import Descriptor, descriptor_of
 from optopad.fabrication.driver.simulated.faults import faults_of
 from optopad.fabrication.driver_config import dump_driver_config
 from optopad.fabrication.driver_file import DriverConfig, config_from_document
-from optopad.sensor.driver_view import simulated_gain
+from optopad.sensor import simulated_gain
 from tests.fabrication.driver.made_up_pad import frame
 
 PART_SPREAD, PAIR_SPREAD = 0.3, 0.12

@@ -9,7 +9,7 @@ import pytest
 
 from optopad.fabrication.driver.drift import GAIN_SHARE, HELD_EXCESS, SHORT_S
 from optopad.fabrication.driver.gain_pattern import GainPattern, relative_change
-from optopad.sensor.driver_view import driver_source, press_table
+from optopad.sensor import driver_source, press_table
 
 LEVELS = np.random.default_rng(2).uniform(50, 800, (8, 8))
 NOISE = np.hypot(0.76, 0.002 * LEVELS)

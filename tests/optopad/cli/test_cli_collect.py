@@ -18,8 +18,8 @@ from optopad.design.preset import preset
 from optopad.design.press_protocol import load_protocol_file
 from optopad.fabrication.driver_config import dump_driver_config
 from optopad.fabrication.stage.stage import limits_of
-from optopad.sensor.stage_protocol import protocol_presses
 from optopad.sims.readings.dataset import read_data
+from optopad.verbs.driver.collect import protocol_presses
 from tests.fabrication.driver.made_up_pad import pad_config, untouched
 from tests.fabrication.stage.made_up_bench import bench
 from tests.said import says

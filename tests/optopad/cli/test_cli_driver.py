@@ -30,7 +30,7 @@ from optopad.fabrication.driver.recording.export import read_recorded
 from optopad.fabrication.driver.simulated.faults import faults_of
 from optopad.fabrication.driver.simulated.port import FakePort
 from optopad.fabrication.driver_config import dump_driver_config
-from optopad.sensor.driver_view import live_table
+from optopad.screen.live_sensor import live_table
 from optopad.sims.readings.recording import read_recording
 from tests.fabrication.driver.made_up_pad import board, pad_config, untouched
 from tests.fabrication.driver.other_devices import printer_of
@@ -345,7 +345,7 @@ def test_a_still_pad_needs_no_light_of_presses(monkeypatch, capsys):
     def traced(*_: object, **__: object) -> None:
         raise InputError("presses are traced")
 
-    monkeypatch.setattr("optopad.sensor.driver_view._simulated_table", traced)
+    monkeypatch.setattr("optopad.sensor._simulated_table", traced)
     given = ["driver", "fake", "piacenza2017-pad", "--bundles", "none", "--seconds", "0.1"]
     assert main(given) == 2
     assert "presses are traced" in capsys.readouterr().err

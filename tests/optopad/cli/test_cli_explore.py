@@ -17,7 +17,7 @@ from optopad.design.io import load_design
 from optopad.design.rules.check import check
 from optopad.design.search.improve import Judged
 from optopad.design.search.space import SPACES, load_space
-from optopad.jobs.exploration import figures_wanted
+from optopad.verbs.explore import figures_wanted
 
 SPACE = """
 name = "cheap"

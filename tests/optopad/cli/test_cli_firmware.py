@@ -18,7 +18,7 @@ from optopad.fabrication import flash as image
 from optopad.fabrication.bundle import bundle_name
 from optopad.fabrication.driver.link.ports import FoundPort
 from optopad.fabrication.driver.simulated.port import FakePort
-from optopad.sensor.firmware import board_setup
+from optopad.verbs.driver.flash import board_setup
 from tests.fabrication.driver.made_up_pad import board
 from tests.fabrication.driver.other_devices import printer_of
 from tests.fabrication.simulated_board import missing_compiler
@@ -87,6 +87,18 @@ def test_config_leaves_driver_file_wiring_and_parts_in_the_bundle(capsys):
     assert held["rows_without_price"] == bill["rows"] > bill["rows_set_by_gain"] == 3
     made = {path.name for path in FOLDER.parent.iterdir()}
     assert {"driver.toml", "wiring.csv", "bom.csv"} <= made
+    assert "14.1 g when printed solid" in (FOLDER.parent / "bom.csv").read_text(encoding="utf-8")
+
+
+def test_config_takes_the_mold_s_weight_from_its_checks_where_the_mold_is_made(capsys):
+    checks = FOLDER.parents[1] / "cad" / "checks.json"
+    checks.parent.mkdir(parents=True)
+    checks.write_text(json.dumps({"volumes_mm3": {"mold": {"solid": 10_000.0}}}), encoding="utf-8")
+    assert main(["driver", "config", DESIGN]) == 0
+    assert "10.4 g when printed solid" in (FOLDER.parent / "bom.csv").read_text(encoding="utf-8")
+    checks.write_text("{", encoding="utf-8")
+    assert main(["driver", "config", DESIGN]) == 0
+    assert "14.1 g when printed solid" in (FOLDER.parent / "bom.csv").read_text(encoding="utf-8")
 
 
 @needs_compiler
@@ -211,7 +223,7 @@ def test_a_port_that_only_a_serial_chip_speaks_for_is_asked_about(
 ):
     notes, printer = avrdude(), printer_of("Marlin 1.0")
     entry = replace(board_setup(preset(DESIGN)), usb_ids=(chip,))
-    monkeypatch.setattr("optopad.sensor.firmware.board_setup", lambda _design: entry)
+    monkeypatch.setattr("optopad.verbs.driver.flash.board_setup", lambda _design: entry)
     command = ["flash", DESIGN, "--image", str(board_image)]
     with FakePort(printer) as made:
         copies_here(monkeypatch, made.name, chip)
@@ -279,7 +291,7 @@ def drives(tmp_path, monkeypatch):
             if board_id:
                 text = f"UF2 Bootloader v3.0\nModel: Raspberry Pi RP2\nBoard-ID: {board_id}\n"
                 (drive / "INFO_UF2.TXT").write_text(text, encoding="ascii")
-        monkeypatch.setattr("optopad.fabrication.flash.mounted_drives", lambda: found)
+        monkeypatch.setattr("optopad.verbs.driver.flash.mounted_drives", lambda: found)
         return found
 
     return mounted

@@ -84,10 +84,10 @@ def test_a_stopped_run_is_taken_up_with_the_same_data(folder, capsys, made_up_li
             yield press
 
     command = ["simulate", "piacenza2017-pad", "--protocol", "small.toml", "--json"]
-    monkeypatch.setattr(simulated, "drawn_presses", stopped)
+    monkeypatch.setattr("optopad.verbs.simulate.drawn_presses", stopped)
     assert main(command) != 0
     assert not file_of("piacenza2017-pad").exists()
-    monkeypatch.setattr(simulated, "drawn_presses", presses)
+    monkeypatch.setattr("optopad.verbs.simulate.drawn_presses", presses)
     capsys.readouterr()
     assert main(command) == 0
     assert json.loads(capsys.readouterr().out)["taken_up_presses"] == 5
@@ -117,7 +117,6 @@ def test_a_run_stopped_before_the_bundle_is_in_its_place_loses_no_press(
     [
         (["--protocol", "piacenza2071"], "piacenza2017"),
         (["--protocol", "small.toml", "--press", "16,16,1"], "--press ... --protocol"),
-        (["--protocol", "small.toml", "--oracle"], "--oracle ... --protocol"),
         (["--fit"], "--fit: needs --protocol"),
         (["--protocol", "small.toml", "--set", "operating.max_depth_mm=1"], "2 mm, the ... for 1"),
         (

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from optopad.cli import main
 from optopad.design.preset import preset
 from optopad.fabrication.bundle import altered_files, bundle_name
-from optopad.jobs import ray_view
+from optopad.verbs import rays as ray_view
 from tests.said import says
 
 PAIR = "piacenza2017-pair"

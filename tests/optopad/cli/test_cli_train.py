@@ -11,11 +11,11 @@ import pytest
 
 from optopad.cli import main
 from optopad.design.preset import preset
-from optopad.jobs import calibration
 from optopad.sims.contact import indent
 from optopad.sims.learning.inference.model_file import load_model
 from optopad.sims.learning.learners import LEARNERS
 from optopad.sims.readings.dataset import save_data
+from optopad.verbs import calibrate as calibration
 from tests.said import says
 from tests.sims.learning.pressed_pad import grid_mm, made_up_data
 
@@ -152,7 +152,7 @@ def calibrate_notes(file: Path) -> tuple[str, ...]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(calibration, "calibrated", lambda *_args, **_options: None)
         patch.setattr(calibration, "report_of", lambda _found: None)
-        made = calibration.calibrate(
+        made = calibration.fitted(
             preset(PAD), file, with_model=False, quick=True, seed=0, on_step=lambda *_: None
         )
     return made.notes

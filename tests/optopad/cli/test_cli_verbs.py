@@ -5,9 +5,9 @@ import json
 import pytest
 
 from optopad.cli import main
-from optopad.cli.physics import parsed_sweep
 from optopad.design.io import load_design
 from optopad.design.preset import PRESETS, preset
+from optopad.verbs.sweep import parsed_sweep
 from optopad.work import parsed_change, parsed_value
 
 

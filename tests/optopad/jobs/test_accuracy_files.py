@@ -8,9 +8,9 @@ from optopad.cli import main
 from optopad.design.errors import DesignError
 from optopad.design.preset import preset
 from optopad.design.shape.outline import rectangle
-from optopad.jobs.prediction import write_accuracy
-from optopad.results.prediction import PredictedAccuracy, accuracy_lines, accuracy_of
+from optopad.screen.prediction import PredictedAccuracy, accuracy_lines, accuracy_of
 from optopad.sims.learning.tables import JudgedPresses, published_touch
+from optopad.verbs.evaluate import write_accuracy
 from tests.said import says
 
 SPACE = rectangle((6.0, 6.0, 26.0, 26.0))
@@ -82,11 +82,11 @@ def test_an_interrupted_evaluation_leaves_the_earlier_one_as_it_was(tmp_path, mo
             file.write_text('<svg viewBox="0 0 1 1"></svg>', encoding="utf-8")
         return files
 
-    monkeypatch.setattr("optopad.jobs.prediction.write_plot", uninked)
+    monkeypatch.setattr("optopad.verbs.evaluate.write_plot", uninked)
     folder = tmp_path / "evaluation"
     write_accuracy(found_accuracy(), SPACE, folder, "evaluation")
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
-    monkeypatch.setattr("optopad.jobs.prediction.accuracy_page", interrupted)
+    monkeypatch.setattr("optopad.verbs.evaluate.accuracy_page", interrupted)
     with pytest.raises(KeyboardInterrupt):
         write_accuracy(found_accuracy(name="other"), SPACE, folder, "evaluation")
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before

@@ -12,11 +12,12 @@ import pytest
 from optopad.cli import main
 from optopad.design.io import load_design
 from optopad.design.preset import preset
-from optopad.jobs.calibration import CalibratedBuild, write_calibration
+from optopad.screen.calibration import CalibratedBuild
 from optopad.sims.learning.calibration import Calibration, Fitted, report_of
 from optopad.sims.learning.calibration_problem import calibration_samples, unknowns_of, with_values
 from optopad.sims.learning.inference.model_file import load_model
 from optopad.sims.readings.dataset import save_data
+from optopad.verbs.calibrate import write_calibration
 from tests.sims.learning.made_up_map import made_up_map_model, ratios, untouched_counts
 from tests.sims.learning.made_up_presses import made_up_data
 
@@ -55,7 +56,11 @@ def made_up_build(share_left: float) -> CalibratedBuild:
         seed=0,
     )
     return CalibratedBuild(
-        calibration=found, report=report_of(found), model=made_up_map_model(), notes=("4 channels clip",)
+        design=preset(PAD),
+        calibration=found,
+        report=report_of(found),
+        model=made_up_map_model(),
+        notes=("4 channels clip",),
     )
 
 
@@ -93,7 +98,7 @@ def test_a_design_without_open_optics_is_refused(tmp_path: Path, capsys: pytest.
 
 def test_the_twin_the_facts_and_the_model_are_written(tmp_path: Path):
     made, design = made_up_build(0.1), preset(PAD)
-    twin, facts, model = write_calibration(made, design, tmp_path / "out")
+    twin, facts, model = write_calibration(made, tmp_path / "out")
     assert load_design(twin).emitters.height_mm == pytest.approx(5.1)
     document = json.loads(facts.read_text(encoding="utf-8"))
     assert document["digest"] == design.digest
@@ -108,9 +113,9 @@ def test_an_interrupted_calibration_leaves_the_earlier_one_as_it_was(tmp_path: P
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    write_calibration(made_up_build(0.1), preset(PAD), tmp_path)
+    write_calibration(made_up_build(0.1), tmp_path)
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    monkeypatch.setattr("optopad.jobs.calibration.save_model", interrupted)
+    monkeypatch.setattr("optopad.verbs.calibrate.save_model", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        write_calibration(made_up_build(0.2), preset(PAD), tmp_path)
+        write_calibration(made_up_build(0.2), tmp_path)
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before

@@ -12,12 +12,12 @@ import xarray as xr
 from optopad.cli import main
 from optopad.design.errors import InputError
 from optopad.fabrication.driver.recording.force_log import ForceLog, read_force_log
-from optopad.jobs import calibration
-from optopad.jobs.calibration import _pressed_force
-from optopad.jobs.force_clock import force_clock
 from optopad.sims.learning.force_fit import fit_force
 from optopad.sims.learning.inference.header import ForceCurve, header_of_json
 from optopad.sims.learning.press_force import TipPath
+from optopad.verbs import calibrate as calibration
+from optopad.verbs.calibrate import _pressed_force
+from optopad.verbs.force_clock import force_clock
 from tests.fabrication.driver.made_up_model import header
 from tests.said import says
 from tests.sims.learning.test_force_fit import PAD, pressed
@@ -184,6 +184,6 @@ def test_a_force_in_grams_is_refused_before_the_light_is_fitted(
         monkeypatch.setattr(calibration, name, lambda *_, **__: ())
     monkeypatch.setattr(calibration, "calibrated", lambda *_, **__: pytest.fail("the light was fitted"))
     with pytest.raises(InputError, match=r"81\.\d MPa, is 81\.\d times the design's.* is the force in grams"):
-        calibration.calibrate(
+        calibration.fitted(
             PAD, files[0], with_model=False, quick=True, seed=0, on_step=lambda *_: None, force=grams
         )

@@ -8,10 +8,10 @@ import pytest
 from optopad.cli import main
 from optopad.design.preset import preset
 from optopad.fabrication.bundle import altered_files, bundle_name
-from optopad.jobs import compare as comparing
-from optopad.jobs.compare import changes_of, compare
 from optopad.report.before_after import compare_html
-from optopad.results.figures import TABLE_WIDTH, figures_of
+from optopad.screen.figures import TABLE_WIDTH, figures_of
+from optopad.verbs import compare as comparing
+from optopad.verbs.compare import changes_of, compare
 from tests.sims.made_up_bounds import made_up_bounds
 from tests.sims.made_up_scores import contiguous_score, dead_score, out_of_scope_score
 
@@ -32,9 +32,7 @@ def judged(monkeypatch):
 
 
 def compared(out, *designs):
-    return compare(
-        designs, [f"d{k}" for k in range(len(designs))], out, fine=False, seed=0, on_step=lambda *_: None
-    )
+    return compare({f"d{k}": design for k, design in enumerate(designs)}, out=out)
 
 
 def test_what_differs_is_told_by_dotted_path():
@@ -134,7 +132,7 @@ def test_everything_is_written_into_the_first_designs_bundle(judged, tmp_path):
 
 
 def test_the_page_and_the_lines_mark_winners_and_escape_what_was_typed(judged, tmp_path):
-    found = compare((PAIR, THICK), ["<b>&", "thick"], tmp_path, fine=False, seed=0, on_step=lambda *_: None)
+    found = compare({"<b>&": PAIR, "thick": THICK}, out=tmp_path)
     page = compare_html(found, "<svg></svg>")
     assert "<b>&<" not in page
     assert "&lt;b&gt;&amp;" in page

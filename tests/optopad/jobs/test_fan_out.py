@@ -18,7 +18,7 @@ import pytest
 from optopad.design.errors import InputError
 from optopad.design.search.explore import explore
 from optopad.design.search.space import load_space
-from optopad.fan_out import on_cluster
+from optopad.verbs.explore import on_cluster
 
 ROOT = Path(__file__).parents[3]
 CHEAP = ROOT / "tests" / "design" / "search" / "cheap_search.py"

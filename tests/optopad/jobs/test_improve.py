@@ -13,15 +13,15 @@ from pathlib import Path
 import pytest
 
 import optopad
-import optopad.jobs.improvement as improvement
 import optopad.sims.score.objective as objective
+import optopad.verbs.improve as improvement
 from optopad.cli.main import main
-from optopad.cli.search import INTERRUPTED
 from optopad.design.io import load_design
 from optopad.design.preset import preset, preset_text
 from optopad.design.rules.check import check
-from optopad.jobs.smallest_mold import smallest_mold
-from optopad.screen.verdict import LINES
+from optopad.screen.answer import LINES
+from optopad.screen.shown import INTERRUPTED
+from optopad.sims.score.smallest_mold import smallest_mold
 from tests.design.search.test_improvement_space import judge
 from tests.optopad.screen.test_one_screen import cause
 from tests.sims.made_up_scores import contiguous_score, dead_score

@@ -10,14 +10,14 @@ import optopad
 from optopad.design.preset import preset
 from optopad.design.spec import SensorDesign
 from optopad.design.spec.cheap_fields import CLEAR
-from optopad.jobs.compare import compare
-from optopad.jobs.sweep import run_sweep
-from optopad.results.sweep import table_row
+from optopad.screen.sweep import table_row
 from optopad.sims.score.objective import judge
 from optopad.sims.score.result import ContinuityScore
 from optopad.sims.score.scoring import score, verdict_of
 from optopad.studio.live_results import LiveVerdict
 from optopad.studio.session import LivePress
+from optopad.verbs.compare import compare
+from optopad.verbs.sweep import sweep
 from tests.optopad.studio.test_workshop import Answers, Request, working
 
 ROW = preset("piacenza2017-pair").with_(
@@ -57,12 +57,10 @@ def test_verdict_and_usable_depth_are_equal_wherever_they_are_told(design: Senso
         ),
         "studio": told(studio_score(design)),
     }
-    swept = run_sweep(
-        design, CLEAR, [clear], tmp_path, fine=False, seed=0, build=False, on_step=lambda *_: None
-    )
+    swept = sweep(design, CLEAR, [clear], out=tmp_path)
     cells = table_row(swept.rows[0])
     found["sweep"] = (cells["verdict"], cells["usable_depth_mm"], cells["deadband_mm"])
-    compared = compare([design, other], ["a", "b"], tmp_path, fine=False, seed=0, on_step=lambda *_: None)
+    compared = compare({"a": design, "b": other}, out=tmp_path)
     figures = {one.name: one.values[0] for one in compared.measures}
     found["compare"] = (compared.rows[0].score["verdict"], figures["usable"], figures["deadband"])
     searched = judge(design, (), wanted=("verdict", "usable_depth_mm"), accuracy="score")

@@ -4,7 +4,7 @@ import pytest
 
 from optopad.cli import main
 from optopad.design.preset import preset
-from optopad.jobs.prediction import QUICK, predict
+from optopad.verbs.predict import predict
 
 PROTOCOL = """
 name = "small"
@@ -37,15 +37,8 @@ def small_protocol(tmp_path_factory):
 @pytest.fixture(scope="module")
 def predicted(small_protocol, tmp_path_factory):
     out = tmp_path_factory.mktemp("predicted")
-    found, folder = predict(
-        preset("piacenza2017-pad"),
-        out,
-        effort=QUICK,
-        protocol=str(small_protocol),
-        draws=2,
-        on_step=lambda *_: None,
-    )
-    return found, folder
+    made = predict(preset("piacenza2017-pad"), protocol=str(small_protocol), draws=2, out=out)
+    return made.found, made.folder
 
 
 @pytest.mark.slow

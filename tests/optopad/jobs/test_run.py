@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -62,6 +63,15 @@ def folder(out) -> Path:
     return run(DESIGN, out, fine=False, seed=0, on_step=no_step).folder
 
 
+def make_up_physics(patch: pytest.MonkeyPatch) -> None:
+    """Replace the score by a made-up one, and leave out the pictures."""
+    patch.setattr("optopad.sims.score.scoring.score", lambda design, **_: contiguous_score(design))
+    for also in ("build_tolerance.with_tolerance", "field_steps.with_field_steps", "trials.with_trial"):
+        patch.setattr(f"optopad.sims.score.{also}", lambda _design, found, **_: found)
+    patch.setattr("optopad.report.sections.early.ray_scene", lambda *_, **__: "no picture in this test")
+    patch.setattr("optopad.report.sections.drawings.svg_text", lambda *_: '<svg viewBox="0 0 1 1"></svg>')
+
+
 @pytest.fixture(scope="module")
 def quick(tmp_path_factory) -> Path:
     """A run with a made-up score and without pictures of light, from a folder with modules of names in use."""
@@ -73,11 +83,7 @@ def quick(tmp_path_factory) -> Path:
         (here / name).write_text("raise SystemExit(1)", encoding="utf-8")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(here)
-        patch.setattr("optopad.sims.score.scoring.score", lambda design, **_: contiguous_score(design))
-        for also in ("build_tolerance.with_tolerance", "field_steps.with_field_steps", "trials.with_trial"):
-            patch.setattr(f"optopad.sims.score.{also}", lambda _design, found, **_: found)
-        patch.setattr("optopad.report.sections.early.ray_scene", lambda *_, **__: "no picture in this test")
-        patch.setattr("optopad.report.sections.drawings.svg_text", lambda *_: '<svg viewBox="0 0 1 1"></svg>')
+        make_up_physics(patch)
         return here / run(DESIGN, Path("outputs"), fine=False, seed=0, on_step=no_step).folder
 
 
@@ -99,6 +105,90 @@ def test_the_bundles_design_has_the_same_digest(quick):
     folder = quick
     assert load_design(folder / "design.toml").digest == DESIGN.digest
     assert folder.name == f"{DESIGN.name}-{DESIGN.digest[:8]}"
+
+
+def again(made: Path, out: Path, design=DESIGN, *, with_mold: bool = False, **options):
+    """A run after another one, in a folder with its bundle. Without `with_mold`, it may not make a mold."""
+    if not out.exists():
+        shutil.copytree(made.parent, out)
+    with pytest.MonkeyPatch.context() as patch:
+        make_up_physics(patch)
+        if not with_mold:
+            patch.setattr("optopad.jobs.pipeline.started", None)
+        return run(design, out, **{"fine": False, "seed": 0, "on_step": no_step} | options)
+
+
+def digests_in(folder: Path) -> dict[str, str]:
+    return {name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in names_in(folder)}
+
+
+def test_a_second_run_makes_nothing(quick, tmp_path):
+    made = again(quick, tmp_path / "out")
+    assert made.is_current
+    assert made.mended == ()
+    assert {path: path.stat().st_mtime_ns for path in made.files} == {
+        made.folder / name: (quick / name).stat().st_mtime_ns for name in names_in(quick)
+    }
+
+
+def test_a_file_that_was_edited_or_removed_is_made_again_and_said(quick, tmp_path):
+    for name in ("sims/answer.json", "fabrication/casting.md", "report.html"):
+        made = again(quick, tmp_path / "out")
+        (made.folder / name).write_text("{", encoding="utf-8")
+        assert (again(quick, tmp_path / "out").mended, name) == ((name,), name)
+        (made.folder / name).unlink()
+        assert (again(quick, tmp_path / "out").mended, name) == ((name,), name)
+    assert digests_in(made.folder) == digests_in(quick)
+
+
+def test_a_mold_that_was_edited_is_made_again_alone(quick, tmp_path):
+    out = tmp_path / "out"
+    stl = again(quick, out).folder / "cad" / "mold.stl"
+    stl.write_bytes(b"solid of another program")
+    made = again(quick, out, with_mold=True)
+    assert (made.mended, made.is_current) == (("cad/mold.stl",), False)
+    assert digests_in(made.folder) == digests_in(quick)
+
+
+def test_electronics_and_gain_take_the_mold_of_the_bundle_before(quick, tmp_path):
+    changed = DESIGN.with_(**{"gain.target_counts": 301.0, "board.settle_us": 120})
+    made = again(quick, tmp_path / "out", changed)
+    assert (made.folder / "cad" / "mold.stl").read_bytes() == (quick / "cad" / "mold.stl").read_bytes()
+    assert made.checks["digest"] == changed.digest
+    assert altered_files(made.folder) == ()
+
+
+def test_other_seeds_settings_and_versions_are_made_anew(quick, tmp_path, monkeypatch):
+    assert not again(quick, tmp_path / "out", seed=1).is_current
+    assert not again(quick, tmp_path / "out", fine=True).is_current
+    assert not again(quick, tmp_path / "out").is_current  # the bundle has a fine verdict now
+    assert again(quick, tmp_path / "out").is_current
+    monkeypatch.setattr("optopad.jobs.pipeline.program_digest", lambda: "another")
+    assert not again(quick, tmp_path / "out", with_mold=True).is_current
+    monkeypatch.undo()
+    assert not again(quick, tmp_path / "out", force=True, with_mold=True).is_current
+
+
+def test_every_file_states_what_it_was_made_from(quick):
+    manifest = json.loads((quick / "manifest.json").read_text(encoding="utf-8"))
+    for name, record in manifest["files"].items():
+        inputs = manifest["inputs"][record["made_from"]]
+        assert name in inputs["files"], name
+        key, digest = ("mold", DESIGN.mold_digest) if name.startswith("cad/") else ("design", DESIGN.digest)
+        assert inputs[key] == digest, name
+
+
+def test_the_screen_of_a_run_that_made_nothing_is_that_of_the_run_before(
+    quick, tmp_path, capsys, monkeypatch
+):
+    again(quick, tmp_path / "out")
+    typed = ["run", DESIGN.name, "--out", str(tmp_path / "out")]
+    monkeypatch.setattr("optopad.sims.score.scoring.score", None)
+    for option in ("--json", "--details", "--seed=0"):
+        assert main([*typed, option]) == 0
+        said = capsys.readouterr()
+        assert "CONTIGUOUS" in said.out
+        assert ("up to date" in said.err) == (option != "--json")
 
 
 def test_the_manifest_names_every_file_with_its_hash(quick):
@@ -186,7 +276,7 @@ def test_a_run_that_fails_late_leaves_the_old_bundle_intact(quick, monkeypatch):
 
     monkeypatch.setattr("optopad.jobs.pipeline._scored", full_disk)
     with pytest.raises((OutputError, OSError)):
-        run(DESIGN, out, fine=False, seed=0, on_step=no_step)
+        run(DESIGN, out, fine=False, seed=0, force=True, on_step=no_step)
     assert (folder / "manifest.json").read_bytes() == before
     assert altered_files(folder) == ()
     assert [path.name for path in out.iterdir()] == [bundle_name(DESIGN)]

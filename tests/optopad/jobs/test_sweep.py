@@ -10,12 +10,12 @@ from optopad.cli import main
 from optopad.design.io import load_design
 from optopad.design.preset import preset
 from optopad.fabrication.bundle import altered_files, bundle_name
-from optopad.jobs import sweep as sweeping
-from optopad.jobs.sweep import run_sweep
-from optopad.results.figures import TABLE_WIDTH, figures_of
-from optopad.results.sweep import Sweep
+from optopad.screen.figures import TABLE_WIDTH, figures_of
+from optopad.screen.sweep import Sweep
 from optopad.sims.plots.sweep import plot_sweep
 from optopad.sims.score.sweep import SweepRow, disputed, sweep_row
+from optopad.verbs import sweep as sweeping
+from optopad.verbs.sweep import sweep
 from optopad.work import FinishedWork
 from tests.said import says
 from tests.sims.made_up_bounds import made_up_bounds
@@ -44,8 +44,7 @@ def judged(monkeypatch):
 
 
 def swept(out, values, design=PAIR, **options):
-    settings = {"fine": False, "seed": 0, "build": False, "on_step": lambda *_: None} | options
-    return run_sweep(design, THICKNESS, values, out, **settings)
+    return sweep(design, THICKNESS, values, out=out, **options)
 
 
 def test_a_sweep_writes_table_and_figure_into_the_bundle(judged, tmp_path):

@@ -9,7 +9,7 @@ import numpy as np
 from optopad.design.shape.cavity import cavity_of
 from optopad.design.spec import SensorDesign
 from optopad.report.scenes.ray_scene import RayScene
-from optopad.sims.optics.oracle.paths import LightPath
+from optopad.sims.optics.paths import LightPath
 from optopad.sims.rays import RayState
 from optopad.sims.score.result import ContinuityScore
 from tests.sims.made_up_scores import dead_score

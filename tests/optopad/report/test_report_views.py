@@ -14,10 +14,11 @@ from optopad.design.mold.outline import bed_lift_mm, outline_of
 from optopad.design.preset import preset
 from optopad.design.shape.cavity import cavity_of, direct_path_pairs
 from optopad.fabrication.sheets.casting import casting_md
+from optopad.report.markdown import html_of
 from optopad.report.scenes.mold_scene import mold_scene
 from optopad.report.scenes.pair_scene import STEPS, pair_scene
 from optopad.report.sections.maps import load_map, map_scene
-from optopad.report.words import html_of, script_text
+from optopad.report.words import script_text
 from optopad.sims.optics.light_signals import LightSignals
 from optopad.sims.verdict.depth_curve import noise_units
 from optopad.sims.verdict.pad_map import Place, pad_profile

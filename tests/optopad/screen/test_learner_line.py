@@ -3,8 +3,8 @@ import json
 import pytest
 
 from optopad.design.preset import preset
-from optopad.prediction_cost import quick_prediction_s
-from optopad.screen.verdict import learner_line
+from optopad.screen.answer import learner_words
+from optopad.sims.score.cost import quick_prediction_s
 
 PAD = preset("piacenza2017-pad")
 ROWS = [
@@ -30,7 +30,7 @@ def bundle(folder, **changes):
 
 
 def test_a_prediction_in_the_bundle_says_what_its_best_learner_reached(tmp_path):
-    assert learner_line(PAD, bundle(tmp_path), "pad.toml") == (
+    assert learner_words(bundle(tmp_path), PAD.digest) == (
         "location 0.36 to 0.83 mm, depth 0.08 mm (kernel-ridge, simulated); 0 % false alarms"
     )
 
@@ -45,14 +45,13 @@ def test_a_prediction_in_the_bundle_says_what_its_best_learner_reached(tmp_path)
     ],
 )
 def test_a_prediction_of_another_design_or_without_errors_says_nothing(changes, tmp_path):
-    said = learner_line(PAD, bundle(tmp_path, **changes), "pad.toml --set gain.target_counts=200")
-    assert "pad.toml --set gain.target_counts=200 --quick" in said
+    assert learner_words(bundle(tmp_path, **changes), PAD.digest) == ""
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{", "null"])
 def test_a_damaged_prediction_says_nothing(text, tmp_path):
     (bundle(tmp_path) / "sims" / "prediction.json").write_text(text, encoding="utf-8")
-    assert learner_line(PAD, tmp_path, "pad.toml").startswith("not predicted yet")
+    assert learner_words(tmp_path, PAD.digest) == ""
 
 
 def test_a_larger_pad_takes_longer():

@@ -9,15 +9,9 @@ import numpy as np
 
 from optopad.design.fields.finding import error, warning
 from optopad.design.preset import preset
-from optopad.report.words import bounds_words
-from optopad.screen.verdict import (
-    LINES,
-    WIDTH,
-    as_typed,
-    bound_lines,
-    findings_screen,
-    verdict_screen,
-)
+from optopad.report.sections.maps import bounds_words
+from optopad.screen.answer import LINES, WIDTH, as_typed
+from optopad.screen.verdict import bound_lines, findings_screen, verdict_screen
 from optopad.screen.verdict_sentences import sentences_of
 from optopad.sims.verdict.causes import Cause, Witness
 from tests.design.for_each import for_each
@@ -182,5 +176,5 @@ def test_no_line_of_bounds_has_a_number_that_is_none():
     for case in cases:
         said = [line for facing in (False, True) for line in bound_lines(case, is_facing=facing)]
         said.append(sentences_of(PAD, replace(contiguous_score(), bounds=case)).resolution)
-        said += map(str, bounds_words(replace(contiguous_score(), bounds=case)))
+        said.append(bounds_words(replace(contiguous_score(), bounds=case)))
         assert not re.search(r"\b(nan|inf)\b", " ".join(said))

@@ -12,8 +12,8 @@ from optopad.design.fields.quantity import Cost
 from optopad.design.mold.outline import outline_of
 from optopad.design.preset import preset
 from optopad.fabrication.sheets import bom
-from optopad.results import figures
-from optopad.results.figures import SUMMARY_ROOM, figures_of, summary_words
+from optopad.screen import figures
+from optopad.screen.figures import SUMMARY_ROOM, figures_of, summary_words
 from optopad.screen.verdict_sentences import verdict_words
 from optopad.sims.score.sweep import sweep_row
 from tests.sims.made_up_bounds import made_up_bounds

@@ -8,7 +8,7 @@ import pytest
 from optopad.design.errors import ModelScopeError
 from optopad.design.preset import preset
 from optopad.sims.contact.indentation import solved_press
-from optopad.sims.contact.library.build import fit_press, tributary_areas
+from optopad.sims.contact.library.live_press import fit_press, tributary_areas
 from optopad.sims.contact.library.solved_press import SolvedPress
 from optopad.sims.contact.library.unit_press import solve_unit_press
 from optopad.sims.contact.mesh import shared_out

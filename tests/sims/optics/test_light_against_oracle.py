@@ -19,8 +19,8 @@ from scipy.stats import chi2
 
 from optopad.design.arrays import BoolArray, FloatArray
 from optopad.sims.optics.engine.trace_states import CLASS_NAMES, trace_scene
-from optopad.sims.optics.oracle.tracer import CLASSES, trace_oracle
-from tests.sims.optics.oracle.oracle_scenes import dimple, ring_scene, shank_press
+from tests.oracle.oracle_scenes import dimple, ring_scene, shank_press
+from tests.oracle.tracer import CLASSES, trace_oracle
 
 STATES = {
     "flat": ((16.0, 16.0), None),

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from optopad.sims.optics.engine.trace_states import ACCURACIES, CLASS_NAMES, trace_scene
-from optopad.sims.optics.oracle.tracer import trace_oracle
-from tests.sims.optics.oracle.oracle_scenes import dimple, ring_scene, scene_of
+from tests.oracle.oracle_scenes import dimple, ring_scene, scene_of
+from tests.oracle.tracer import trace_oracle
 from tests.sims.optics.surface.analytic import compact_dimple
 
 DIRECT, DIFFUSE = CLASS_NAMES.index("direct"), CLASS_NAMES.index("diffuse")

@@ -10,12 +10,12 @@ import pytest
 from scipy.stats import chi2
 
 from optopad.sims.optics.engine.trace_states import trace_scene
-from optopad.sims.optics.oracle.tracer import trace_oracle
 from optopad.sims.optics.surface.curves import CONTACT_R
 from optopad.sims.optics.surface.tops import stack_tops
 from optopad.sims.press import Indentation
+from tests.oracle.oracle_scenes import dimple, ring_scene, shank_press
+from tests.oracle.tracer import trace_oracle
 from tests.sims.optics.engine.called_kernels import height
-from tests.sims.optics.oracle.oracle_scenes import dimple, ring_scene, shank_press
 
 CENTRE = np.array([[14.0, 17.0]])
 

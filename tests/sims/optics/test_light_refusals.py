@@ -10,7 +10,7 @@ from optopad.design.preset import preset
 from optopad.sims.optics.engine.trace_states import Accuracy, accuracy_of, trace_scene
 from optopad.sims.optics.tracing import trace
 from optopad.sims.press import Indentation
-from tests.sims.optics.oracle.oracle_scenes import scene_of
+from tests.oracle.oracle_scenes import scene_of
 from tests.sims.optics.surface.analytic import compact_dimple
 
 SCENE = scene_of([(0, 8.0, 4.0, 0.5, 0.5)], [(2, 8.0, 4.0, 1.3, 1.3)], length_mm=24.0, width_mm=20.0)

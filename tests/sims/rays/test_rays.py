@@ -9,8 +9,7 @@ from matplotlib.collections import LineCollection
 from optopad.design.preset import preset
 from optopad.design.shape.cavity import cavity_of
 from optopad.sims.optics.engine.trace_states import CLASS_NAMES
-from optopad.sims.optics.oracle.paths import LightPath
-from optopad.sims.optics.oracle.walk import FATES
+from optopad.sims.optics.paths import FATES, LightPath
 from optopad.sims.plots.ray_sheet import ray_sheet
 from optopad.sims.plots.rays import (
     Cut,

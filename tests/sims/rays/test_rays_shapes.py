@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ import pytest
 from optopad.design.shape.cavity import cavity_of
 from optopad.sims.plots.contact import press_frame
 from optopad.sims.plots.rays import cut_of_pair, plot_ray_plan, plot_ray_section
+from optopad.sims.press import Indentation
 from optopad.sims.rays import RayChoice, RayState, ray_states
 from tests.sims.plots.shaped_pads import DOME, made_up_press
 
@@ -18,11 +21,24 @@ AT_MM = (9.0, 8.5)
 CAVITY = cavity_of(DOME)
 
 
+def ending_flat(*asked: Any) -> Indentation:
+    """The made-up press with a parabola for its cone, which ends flat as the contact model's curves do."""
+    press = made_up_press(*asked)
+    tip, edge, reach = press.radius_mm[:40], press.radius_mm[39], press.radius_mm[-1]
+    beyond = np.linspace(edge, reach, 400)[1:]
+    heights = press.height_mm[39] * ((reach - beyond) / (reach - edge)) ** 2
+    return replace(
+        press,
+        radius_mm=np.concatenate([tip, beyond]),
+        height_mm=np.concatenate([press.height_mm[:40], heights]),
+    )
+
+
 @pytest.fixture(scope="module")
 def states() -> tuple[RayState, ...]:
     """The dome untouched and under a made-up press; powers are made up, paths are those of the tracer."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("optopad.sims.contact.indent", made_up_press)
+        patch.setattr("optopad.sims.contact.indent", ending_flat)
         power = SimpleNamespace(by_class={"direct": np.ones((2, 6, 6)), "top": np.ones((2, 6, 6))})
         patch.setattr("optopad.sims.rays._light", lambda *_: power)
         choice = RayChoice(pairs=(PAIR,), count=8, pool_per_path=2, most_rays=200_000, seed=3)
@@ -47,7 +63,7 @@ def test_light_is_mirrored_on_the_top_that_is_drawn(states):
         mirrored = [path.places_mm[1:-1] for path in state.paths if path.fate == "top"]
         assert mirrored
         across, aside, over = frame.seen_from_it(np.concatenate(mirrored))
-        # the tracer's monotone cubic through the 79 points of a curve, to a thousandth of a millimetre
+        # the light model's cubic through the points of a curve, to a thousandth of a millimetre
         assert over == pytest.approx(frame.top_mm(state.indentation, across, aside), abs=1e-3)
 
 

@@ -9,13 +9,14 @@ import pytest
 from optopad.design.preset import preset
 from optopad.sims.bounds.observability import MANY_PAIRS_BOUNDS
 from optopad.sims.contact.indentation import force_in_advance, solved_press, wall_findings
+from optopad.sims.score.cost import score_cost
 from optopad.sims.score.judge import MANY_PAIRS, SETTINGS
-from optopad.sims.score.scoring import score, score_cost
+from optopad.sims.score.scoring import score
 
 
 def test_a_press_that_the_library_does_not_have_costs_minutes() -> None:
     punch = preset("gripper-teensy").with_(**{"indenter.shape": "flat_punch", "operating.max_depth_mm": 0.9})
-    assert score_cost(punch, fine=False, full=False).stages_s["contact"] > 300.0
+    assert score_cost(punch)["contact"] > 300.0
 
 
 def test_walls_that_change_a_punch_too_much_are_known_in_advance() -> None:

@@ -19,12 +19,13 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial import cKDTree
 
-from optopad.sims.contact.library.build import entry_inputs, entry_press, fit_press
+from optopad.sims.contact.library.live_press import fit_press
 from optopad.sims.contact.library.profile_library import LAYERS, shipped_library
 from optopad.sims.contact.library.smooth_press import POISSON_RATIOS, SmoothPress, nearly_incompressible
 from optopad.sims.contact.library.stored_press import CACHE_VARIABLE, PressInputs, stored_press
 from optopad.sims.contact.scope import solved_depths
 from tests.validation.contact.contact_reference import BUILD
+from tests.validation.contact.library_build import entry_inputs, entry_press
 
 PAGE = BUILD.parents[1] / "docs" / "validation" / "contact-interpolation.md"
 BETWEEN = tuple(2.0 / (1.0 / LAYERS[k] + 1.0 / LAYERS[k + 1]) for k in (1, 4, 6, 10))
@@ -156,6 +157,7 @@ Crowned pads; the crown is the tip's radius over the crown's.
 ## Made by
 
 `python -m tests.validation.contact.library_interpolation`, part of `make validate`; solves that are done are kept.
+`python -m tests.validation.contact.library_build` computes the library itself: two hours or more on two cores.
 """
 
 

@@ -65,7 +65,7 @@ class Rate:
     frames, wrong_readings : how many were read, and how many of their readings were not the simulated voltage
     simulator_hz : with the simulator's converter, which starts at once
     edges_hz : with conversions that wait for the next edge of the converter's clock, as on a chip
-    budget_hz : by the plain sum of optopad.design.circuit.pins, which rules and driver.toml rest on
+    budget_hz : by the plain sum of optopad.design.circuit.circuit, which rules and driver.toml rest on
     """
 
     prescaler: int
@@ -206,7 +206,7 @@ Nothing here was measured on a real board.
   with the simulated voltage.
 - *Simulator*: its converter starts at once. *With clock edges*: a chip's converter starts at the next edge of its clock
   (the data sheet); the harness around the simulator adds that wait. It is the better guess for a board.
-- *Sum*: settle, convert, then send, one after the other (`design/circuit/pins.py`). Rules and `driver.toml` promise
+- *Sum*: settle, convert, then send, one after the other (`design/circuit/circuit.py`). Rules and `driver.toml` promise
 no more.
 
 ## Frame rates

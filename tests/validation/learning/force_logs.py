@@ -35,9 +35,9 @@ from optopad.design.preset import preset
 from optopad.design.spec.properties import youngs_modulus_mpa
 from optopad.fabrication.driver.recording.force_log import read_force_log
 from optopad.fabrication.driver.recording.joined_log import Offset
-from optopad.jobs.calibration import _pressed_force
 from optopad.sims.contact.indentation import solved_press
 from optopad.sims.learning.force_fit import ForceFit, fit_force
+from optopad.verbs.calibrate import _pressed_force
 from tests.validation.contact.contact_table import markdown_table, with_table
 
 PAGE = Path(__file__).parents[3] / "docs" / "validation" / "calibration.md"

@@ -26,9 +26,8 @@ from optopad.design.preset import preset
 from optopad.design.press_protocol import load_protocol_file
 from optopad.design.shape.cavity import workspace_of
 from optopad.design.spec import SensorDesign
-from optopad.jobs.evaluation import accuracies
-from optopad.jobs.prediction import bound_mm
-from optopad.results.prediction import ModelAccuracy, accuracy_of, bound_text
+from optopad.fabrication.bundle import program_digest
+from optopad.screen.prediction import ModelAccuracy, accuracy_of, bound_text
 from optopad.sims.learning.inference.signal_map import KIND as SIGNAL_MAP
 from optopad.sims.learning.learners import LEARNERS, Learner
 from optopad.sims.learning.map_learner import signal_map_learner
@@ -41,7 +40,8 @@ from optopad.sims.learning.tables import (
     published_touch,
 )
 from optopad.sims.readings.protocol import ProtocolCurves, draw, protocol_curves
-from optopad.work import source_digest
+from optopad.verbs.evaluate import accuracies
+from optopad.verbs.predict import bound_mm
 from tests.validation.contact.contact_table import markdown_table, with_table
 
 PAGE = Path(__file__).parents[3] / "docs" / "validation" / "reality.md"
@@ -134,7 +134,7 @@ def judged_draws(
 
 
 def _file(folder: Path, curves: ProtocolCurves, learner: str, seed: int, settings: FitSettings) -> Path:
-    asked = f"{curves.design.digest} {curves.protocol.digest} {settings} {learner} {seed} {source_digest()}"
+    asked = f"{curves.design.digest} {curves.protocol.digest} {settings} {learner} {seed} {program_digest()}"
     return folder / f"{learner}-{seed}-{sha256(asked.encode()).hexdigest()[:12]}.npz"
 
 

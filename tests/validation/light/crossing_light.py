@@ -22,7 +22,6 @@ import numba
 import numpy as np
 
 from optopad.design.arrays import FloatArray
-from optopad.sims.optics.oracle.tracer import CLASSES, trace_oracle
 from optopad.sims.optics.scene.optical_scene import OpticalScene
 from optopad.sims.press import Indentation
 from tests.bench.measures.benchmark_states import (
@@ -33,6 +32,7 @@ from tests.bench.measures.benchmark_states import (
     places_mm,
     surface_of,
 )
+from tests.oracle.tracer import CLASSES, trace_oracle
 from tests.validation.contact.contact_table import markdown_table, with_table
 
 ROOT = Path(__file__).parents[3]

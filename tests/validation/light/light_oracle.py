@@ -19,7 +19,6 @@ import numba
 import numpy as np
 
 from optopad.design.arrays import FloatArray
-from optopad.sims.optics.oracle.tracer import CLASSES, trace_oracle
 from tests.bench.measures.benchmark_states import (
     DEPTHS_MM,
     SURFACES,
@@ -29,6 +28,7 @@ from tests.bench.measures.benchmark_states import (
     different_walls,
 )
 from tests.bench.measures.forward_walk import walk
+from tests.oracle.tracer import CLASSES, trace_oracle
 from tests.validation.contact.contact_table import markdown_table, with_table
 from tests.validation.contact.dense_curve import dense_press
 from tests.validation.light.light_reference import BUILD, GROUPS, grouped, reference

@@ -31,8 +31,6 @@ from optopad.design.spec import SensorDesign
 from optopad.sims.optics.accuracy import ACCURACIES, MIRRORED_FINER, Accuracy
 from optopad.sims.optics.engine.general import pad as formed_pad
 from optopad.sims.optics.engine.trace_states import trace_scene
-from optopad.sims.optics.oracle.tracer import trace_oracle
-from optopad.sims.optics.oracle.walk import CROSSING
 from optopad.sims.optics.scene.lower import scene_of
 from optopad.sims.optics.scene.optical_scene import (
     COSINE_NODES,
@@ -43,7 +41,9 @@ from optopad.sims.optics.scene.optical_scene import (
     transmitted_share,
 )
 from optopad.sims.optics.surface.tops import Presses
-from optopad.sims.optics.tracing import pressed_tops
+from tests.oracle.pressed import pressed_tops
+from tests.oracle.tracer import trace_oracle
+from tests.oracle.walk import CROSSING
 
 EPOXY = ", receivers behind epoxy"
 """What comes after a preset's name where its receivers have a half angle of 40 degrees in epoxy of index 1.55."""

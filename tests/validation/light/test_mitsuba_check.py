@@ -7,11 +7,11 @@ import pytest
 
 import optopad
 from optopad.sims.contact.pad_surface import pad_surface
-from optopad.sims.optics.oracle.scene import beyond_walls_mm
-from optopad.sims.optics.oracle.surface import is_in_elastomer
-from optopad.sims.optics.oracle.top import lower_presses
 from optopad.sims.optics.scene.optical_scene import smooth_field
 from tests.bench.measures.surface_mesh import form_of
+from tests.oracle.scene import beyond_walls_mm
+from tests.oracle.surface import is_in_elastomer
+from tests.oracle.top import lower_presses
 from tests.validation.light.mitsuba_check import BEYOND, STATES, Compared, State, row
 
 OFF_MM = 1e-4

@@ -20,8 +20,8 @@ from typing import Any
 import optopad
 from optopad.design.preset import preset
 from optopad.design.spec import SensorDesign
+from optopad.fabrication.bundle import program_digest
 from optopad.sims.score.scoring import score
-from optopad.work import source_digest
 from tests.validation.contact.contact_table import markdown_table, with_table
 
 PAGE = Path(__file__).parents[3] / "docs" / "validation" / "reality.md"
@@ -89,7 +89,7 @@ def judged() -> dict[Combination, dict[str, Any]]:
     done: dict[str, Any] = {}
     if (
         BUILD.exists()
-        and (kept := json.loads(BUILD.read_text(encoding="utf-8")))["sources"] == source_digest()
+        and (kept := json.loads(BUILD.read_text(encoding="utf-8")))["sources"] == program_digest()
     ):
         done = kept["done"]
     found = {}
@@ -100,7 +100,7 @@ def judged() -> dict[Combination, dict[str, Any]]:
             done[name] = {"missed": missed} | ({} if missed else of_pad(of))
             print(name, done[name], flush=True)
             BUILD.parent.mkdir(parents=True, exist_ok=True)
-            BUILD.write_text(json.dumps({"sources": source_digest(), "done": done}), encoding="utf-8")
+            BUILD.write_text(json.dumps({"sources": program_digest(), "done": done}), encoding="utf-8")
         found[of] = done[name]
     return found
 

@@ -32,13 +32,13 @@ from optopad.design.rules.check import check
 from optopad.design.search.improve import HEIGHTS, Judged, Limit, betters, improvement_space, is_sound, worth
 from optopad.design.spec import SensorDesign
 from optopad.design.spec.cheap_fields import CLEAR
-from optopad.jobs.improvement import improve
-from optopad.results.figures import figures_of
+from optopad.screen.figures import figures_of
 from optopad.sims.score.build_tolerance import with_tolerance
 from optopad.sims.score.objective import judge, sizes_of, with_bounds
 from optopad.sims.score.result import ContinuityScore
 from optopad.sims.score.scoring import verdict_of
 from optopad.sims.verdict.depth_curve import DEADBAND_THRESHOLD
+from optopad.verbs.improve import improve
 
 ROOT = Path(__file__).parents[3]
 FOLDER = ROOT / "build" / "validation" / "improve"
@@ -195,7 +195,7 @@ def improved(design: SensorDesign) -> dict[str, Any]:
     file = FOLDER / f"{design.name}.json"
     if file.is_file():
         return dict(json.loads(file.read_text()))
-    made = improve(design, FOLDER)
+    made = improve(design, out=FOLDER)
     offered = []
     for one in made.alternatives:
         again = verdict_of(load_design(made.folder / one.file))
@@ -381,7 +381,7 @@ def hand() -> None:
     for aim in FIGURES:
         key = f"improve --aim {aim}"
         if key not in known:
-            made = improve(base, FOLDER, aim=aim)
+            made = improve(base, out=FOLDER, aim=aim)
             for one, path in zip(made.alternatives, made.files, strict=True):
                 if one.kind.startswith(aim):
                     name = key.replace(aim, one.kind)

@@ -22,10 +22,10 @@ from optopad.design.search.figures import FIGURES
 from optopad.design.search.improve import Judged, Tried
 from optopad.design.search.space import SearchSpace, load_space
 from optopad.design.spec import SensorDesign
-from optopad.jobs.exploration import search
+from optopad.fabrication.bundle import program_digest
 from optopad.sims.plots.front import choice_text, front_svg
 from optopad.sims.score.objective import judge
-from optopad.work import source_digest
+from optopad.verbs.explore import search
 from tests.validation.verdict import improve_table
 
 ROOT = Path(__file__).parents[3]
@@ -127,7 +127,7 @@ def ratio(above: Judged, below: Judged, name: str) -> float:
 
 def judged_again(design: SensorDesign, name: str) -> Judged:
     """Figures with the score's own settings; kept in a file of these sources, so that an interrupted run goes on."""
-    file = FOLDER / f"score-{design.digest[:16]}-{source_digest()[:8]}.json"
+    file = FOLDER / f"score-{design.digest[:16]}-{program_digest()[:8]}.json"
     if not file.is_file():
         started = time.process_time()
         found = judge(design, (), wanted=(*CHECKED[name], "verdict"), accuracy="score")

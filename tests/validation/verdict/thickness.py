@@ -16,8 +16,8 @@ from textwrap import fill
 from typing import Literal
 
 from optopad.design.preset import preset
-from optopad.results.figures import figures_of
-from optopad.results.sweep import Sweep
+from optopad.screen.figures import figures_of
+from optopad.screen.sweep import Sweep
 from optopad.sims.plots.style import plain_style, svg_text
 from optopad.sims.plots.sweep import plot_sweep
 from optopad.sims.score.scoring import score

@@ -82,7 +82,7 @@ def check_formed(scene: OpticalScene, presses: Sequence[object], fields: Sequenc
     if fields is not None and any(field is not None for field in fields):
         raise InputError("fields: only on a block with a flat top one is traced; leave them out")
     if scene.wall_index is not None:
-        raise InputError("wall_index: smooth walls of pads that are no blocks are traced by the oracle alone")
+        raise InputError("wall_index: smooth walls are traced in blocks with a flat top alone")
     for press in presses:
         single_press(press)
 

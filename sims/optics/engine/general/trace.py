@@ -19,7 +19,7 @@ mirrored light. `change_error` leaves out what cancels in the difference of two 
 all states share, and the error of fixed rules, which is the same share of equal changes. No error covers light
 scattered more than once that the dimple obstructs.
 
-This model leaves out smooth walls, several tips, fields and folds; `optopad.sims.optics.oracle` has all of these.
+This model leaves out smooth walls, several tips, fields and folds.
 """
 
 from __future__ import annotations

@@ -10,25 +10,14 @@ import pytest
 from optopad.design.errors import InputError, ModelScopeError
 from optopad.design.rules.shape import LARGEST_REACH, WALL_RADIUS_RANGE
 from optopad.sims.contact.crown import crown_drop, require_rim
-from optopad.sims.contact.library.build import (
-    all_pads,
-    crown_changes,
-    crowned_pads,
-    entry_inputs,
-    fit_press,
-    library_depths,
-    slope_and_bow,
-)
+from optopad.sims.contact.library.live_press import fit_press
 from optopad.sims.contact.library.profile_library import (
     CORNER,
     CROWN_CENTRE,
     CROWN_LAYERS,
     CROWN_RADII,
     Library,
-    largest_crown,
-    library_differences,
     shipped_library,
-    solved_crowns,
 )
 from optopad.sims.contact.library.smooth_press import (
     POISSON_RATIOS,
@@ -39,6 +28,17 @@ from optopad.sims.contact.library.smooth_press import (
 )
 from optopad.sims.contact.library.stored_press import stored_press
 from optopad.sims.contact.scope import WALL_RADIUS
+from tests.validation.contact.library_build import (
+    all_pads,
+    crown_changes,
+    crowned_pads,
+    entry_inputs,
+    largest_crown,
+    library_depths,
+    library_differences,
+    slope_and_bow,
+    solved_crowns,
+)
 from tests.validation.contact.library_interpolation import distances_um
 
 DOME = (4.5, 5.5, 1 / 9)

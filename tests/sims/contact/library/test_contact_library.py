@@ -9,31 +9,29 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from optopad.design.errors import OutputError
 from optopad.design.spec import SensorDesign
 from optopad.sims.contact.indentation import solved_press
 from optopad.sims.contact.library import stored_press
-from optopad.sims.contact.library.build import (
-    assembled,
-    crown_changes,
-    entry_inputs,
-    entry_press,
-    fit_press,
-    library_depths,
-    write_library,
-)
+from optopad.sims.contact.library.live_press import fit_press
 from optopad.sims.contact.library.profile_library import (
     CORNER,
     FILE,
     LAYERS,
     Library,
     deepest_press,
-    pack,
     shipped_library,
 )
 from optopad.sims.contact.library.smooth_press import POISSON_RATIOS, SmoothPress, nearly_incompressible
 from optopad.sims.contact.library.solved_press import SolvedPress
 from optopad.sims.contact.library.stored_press import PressInputs
+from tests.validation.contact.library_build import (
+    assembled,
+    crown_changes,
+    entry_inputs,
+    entry_press,
+    library_depths,
+    pack,
+)
 from tests.validation.contact.library_interpolation import distances_um
 
 
@@ -124,18 +122,12 @@ def test_depths_of_all_entries_are_the_same_shares_of_the_deepest() -> None:
         assert np.diff(depths).max() <= 1 / 30 + 1e-9
 
 
-def test_written_library_comes_back(tmp_path: Path, library: Library) -> None:
-    write_library(library, tmp_path / "deep" / "own.npz")
-    held = np.load(tmp_path / "deep" / "own.npz", allow_pickle=False)
-    for name, array in pack(library).items():
+def test_packing_the_library_gives_the_shipped_file(library: Library) -> None:
+    held = np.load(resources.files("optopad.sims.contact.library").joinpath("data", FILE))
+    packed = pack(library)
+    assert set(held) == set(packed)
+    for name, array in packed.items():
         np.testing.assert_array_equal(held[name], array)
-    assert [path.name for path in (tmp_path / "deep").iterdir()] == ["own.npz"]
-
-
-def test_a_place_that_cannot_be_written_is_named(tmp_path: Path, library: Library) -> None:
-    (tmp_path / "file").write_text("")
-    with pytest.raises(OutputError, match="choose another --out"):
-        write_library(library, tmp_path / "file" / "own.npz")
 
 
 def test_finished_solves_are_not_repeated(

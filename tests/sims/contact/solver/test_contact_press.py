@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from optopad.design.errors import ModelScopeError
 from optopad.design.spec import SensorDesign
 from optopad.sims.contact.indentation import indent
-from optopad.sims.contact.library.build import fit_press
+from optopad.sims.contact.library.live_press import fit_press
 from optopad.sims.contact.library.profiles import UnitPress
 from optopad.sims.contact.library.smooth_press import SmoothPress, TopCurve, contact_tolerance, surface_curve
 from optopad.sims.contact.library.solved_press import SolvedPress

@@ -16,7 +16,7 @@ from optopad.sims.optics.engine.light_rows import row_names
 from optopad.sims.optics.engine.trace_states import RawLight, trace_scene
 from optopad.sims.optics.scene.optical_scene import OpticalScene
 from optopad.sims.optics.scene.symmetry import each_its_own, state_classes, symmetries_of
-from tests.sims.optics.oracle.form_scenes import crown_press, disc_scene, with_top
+from tests.oracle.form_scenes import crown_press, disc_scene, with_top
 
 SCENE = disc_scene(6, 40.0)
 SHALLOW, DEEP = crown_press(1.0, 40.0), crown_press(2.0, 40.0)

@@ -18,7 +18,7 @@ from optopad.sims.optics.engine.threads import between_pieces, run_each
 from optopad.sims.optics.engine.trace_states import trace_scene
 from optopad.sims.optics.scene.optical_scene import lambertian_pattern, smooth_field
 from tests.bench.measures.start_time import first_trace
-from tests.sims.optics.oracle.oracle_scenes import ring_scene
+from tests.oracle.oracle_scenes import ring_scene
 from tests.sims.optics.surface.analytic import compact_dimple
 
 ENTRY_POINTS = (

@@ -8,7 +8,7 @@ import pytest
 from optopad.sims.optics.accuracy import ACCURACIES
 from optopad.sims.optics.engine.trace_states import trace_scene
 from optopad.sims.optics.engine.untouched import PATCH_MM, RADIOSITY_PATCHES, packed, untouched_pad
-from tests.sims.optics.oracle.oracle_scenes import dimple, ring_scene
+from tests.oracle.oracle_scenes import dimple, ring_scene
 
 SERIES = 80
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from optopad.sims.optics.engine.trace_states import ACCURACIES, CLASS_NAMES, trace_scene
-from tests.sims.optics.oracle.oracle_scenes import scene_of
+from tests.oracle.oracle_scenes import scene_of
 from tests.sims.optics.surface.analytic import compact_dimple
 
 PLACES = (4.0, 12.0, 20.0, 28.0)

@@ -21,7 +21,7 @@ from optopad.sims.optics.scene.optical_scene import OpticalScene, smooth_field
 from optopad.sims.optics.surface.tops import stack_tops
 from optopad.sims.optics.tracing import trace
 from optopad.sims.press import Indentation
-from tests.sims.optics.oracle.oracle_scenes import ring_scene
+from tests.oracle.oracle_scenes import ring_scene
 from tests.sims.optics.surface.analytic import compact_dimple
 
 SCENE = ring_scene()

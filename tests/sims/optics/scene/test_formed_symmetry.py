@@ -10,7 +10,7 @@ import pytest
 from optopad.design.preset import preset
 from optopad.sims.optics.scene.lower import scene_of
 from optopad.sims.optics.scene.symmetry import symmetries_of
-from tests.sims.optics.oracle.form_scenes import disc_scene, rectangle_form, with_top
+from tests.oracle.form_scenes import disc_scene, rectangle_form, with_top
 
 PAD = scene_of(preset("piacenza2017-pad"))
 

@@ -7,11 +7,11 @@ import pytest
 
 from optopad.sims.optics.accuracy import ACCURACIES
 from optopad.sims.optics.engine.trace_states import CLASS_NAMES, trace_scene
-from optopad.sims.optics.oracle.tracer import CLASSES, trace_oracle
 from optopad.sims.optics.scene.optical_scene import lambertian_pattern, smooth_field
 from optopad.sims.optics.scene.symmetry import symmetries_of
+from tests.oracle.oracle_scenes import ring_scene, scene_of
+from tests.oracle.tracer import CLASSES, trace_oracle
 from tests.sims.optics.form_factors import parallel_factor
-from tests.sims.optics.oracle.oracle_scenes import ring_scene, scene_of
 from tests.sims.optics.surface.analytic import compact_dimple
 
 DIRECT, TOP, SKIRT, WALL, DIFFUSE = range(5)

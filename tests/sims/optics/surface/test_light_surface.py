@@ -11,6 +11,7 @@ from optopad.sims.optics.surface import curves as surface
 from optopad.sims.optics.surface.curves import BEND, CELLS, PIECE_COLUMNS, WINDOW, node_radii_mm
 from optopad.sims.optics.surface.tops import Top, stack_tops
 from optopad.sims.press import Indentation
+from tests.oracle.oracle_scenes import scene_of, shank_press
 from tests.sims.optics.engine.called_kernels import (
     bend_at,
     first_chord,
@@ -23,7 +24,6 @@ from tests.sims.optics.engine.called_kernels import (
     slope_bound,
     top_hit,
 )
-from tests.sims.optics.oracle.oracle_scenes import scene_of, shank_press
 from tests.sims.optics.surface.analytic import compact_dimple
 
 SCENE = scene_of([(0, 8.0, 4.0, 0.5, 0.5)], [(2, 8.0, 4.0, 1.3, 1.3)])

@@ -1,0 +1,49 @@
+"""Makes the mold and its tools, and checks them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from optopad.cli.verb import typed, verb
+from optopad.design.mold.filling import is_cast_under_lid
+from optopad.design.parts.assumptions import bed_of
+from optopad.design.progress import OnStep
+from optopad.design.shape.cavity import plan_of
+from optopad.design.spec import SensorDesign
+from optopad.fabrication.sheets.silicone import pours
+from optopad.jobs.pipeline import write_parts
+from optopad.screen.answer import checks_line
+from optopad.screen.output import Told
+from optopad.screen.verdict import finding_line
+from optopad.work import OUT
+
+
+@verb(slice_parts=typed(flag="--slice"))
+def build(
+    design: SensorDesign,
+    *,
+    out: Path = Path(OUT),
+    bed: str | None = None,
+    slice_parts: bool = False,
+    seed: int = 0,
+    on_step: OnStep,
+) -> Told:
+    """Write mold and tools as STL, STEP and 3MF, and check them.
+
+    Parameters
+    ----------
+    bed : Build volume of the printer in mm, as 220,220,250.
+    slice_parts : Also slice with PrusaSlicer: time, filament, warnings.
+    """
+    room = None if bed is None else bed_of(bed)
+    checks, folder = write_parts(
+        design, out, seed=seed, on_step=on_step, bed_mm=room, slice_parts=slice_parts
+    )
+    lines = [finding_line(one) for one in checks["findings"] if one["state"] != "ok"]
+    for part, printed in checks.get("prints", {}).items():
+        lines.append(f"{part:<15} {printed['minutes']:6.0f} min {printed['filament_g']:7.2f} g")
+    lines.append(checks_line(checks))
+    if is_cast_under_lid(plan_of(design)):
+        weights = (f"{pour.net_g:.2f} g of {pour.layer} silicone" for pour in pours(design))
+        lines.append("cast      upside down on the lid, by weight: " + ", then ".join(weights))
+    return Told({"bundle": str(folder), "checks": checks}, [*lines, f"files     {folder / 'cad'}"])

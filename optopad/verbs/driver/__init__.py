@@ -1,0 +1,1 @@
+"""Verbs of the built sensor: its configuration, firmware and readings."""

@@ -1,0 +1,88 @@
+"""Computes the verdict on a design: modes, deadbands, continuity, strength and a map of the pad."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from optopad.cli.verb import Asked, verb
+from optopad.design.errors import InputError
+from optopad.design.progress import OnStep
+from optopad.design.spec import SensorDesign
+from optopad.jobs.pipeline import write_score
+from optopad.screen.answer import Answer, labelled, learner_words
+from optopad.screen.output import Told, foretell_score
+from optopad.screen.score import Score
+from optopad.sims.score import scoring
+from optopad.sims.score.build_tolerance import DEFAULT_BUILDS
+from optopad.sims.verdict.builds import FEWEST_BUILDS, MOST_BUILDS
+from optopad.work import OUT
+
+
+def score(
+    design: SensorDesign,
+    *,
+    fine: bool = False,
+    full: bool = False,
+    seed: int = 0,
+    on_step: OnStep | None = None,
+) -> Score:
+    """Compute the verdict on a design, with its figures, maps and plots; nothing is written.
+
+    Parameters
+    ----------
+    full : whether to compute the map at 11 locations along the longer side and in depth steps of 0.1 mm
+    fine : whether to compute the map as with `full`, and also with finer settings of the light model
+    seed : seed of the random shifts of the light model
+
+    Raises
+    ------
+    DesignError : the design breaks a rule; `check` lists them.
+    """
+    found = scoring.score(design, fine=fine, full=full, seed=seed, on_step=on_step)
+    return Score(design=design, found=found)
+
+
+@verb()
+def score_command(
+    design: SensorDesign,
+    *,
+    full: bool = False,
+    fine: bool = False,
+    tolerance: bool = False,
+    builds: int | None = None,
+    out: Path = Path(OUT),
+    seed: int = 0,
+    details: bool = False,
+    as_json: bool = False,
+    on_step: OnStep,
+    asked: Asked,
+) -> Told:
+    """Report the verdict: modes, deadbands, continuity, strength and a map of the pad, written into the bundle.
+
+    Parameters
+    ----------
+    full : A map of 11 locations per side with steps of 0.1 mm, with the usual light.
+    tolerance : Also run a Monte Carlo over all tolerances and report how many units keep the verdict.
+    builds : Units of the Monte Carlo of --tolerance (200 if left out).
+    """
+    drawn = _drawn_builds(tolerance, builds)
+    foretell_score(design, fine=fine, full=full, quiet=as_json)
+    found, folder = write_score(design, out, fine=fine, full=full, seed=seed, on_step=on_step, builds=drawn)
+    answer, files = Answer.read(folder / "sims" / "answer.json"), labelled("files", str(folder))
+    if details:
+        lines = [*answer.details, labelled("size", answer.size), files]
+    else:
+        learner = learner_words(folder, design.digest)
+        lines = answer.lines([files], command=asked.words, learner=learner)
+    return Told(found.to_json(), lines)
+
+
+def _drawn_builds(tolerance: bool, builds: int | None) -> int | None:
+    if not tolerance:
+        if builds is not None:
+            raise InputError("--builds: needs --tolerance, whose units it counts; add it")
+        return None
+    drawn = DEFAULT_BUILDS if builds is None else builds
+    if not FEWEST_BUILDS <= drawn <= MOST_BUILDS:
+        raise InputError(f"--builds: {drawn} is refused: give {FEWEST_BUILDS} to {MOST_BUILDS}")
+    return drawn

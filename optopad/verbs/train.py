@@ -1,0 +1,143 @@
+"""Trains models on data with known presses, and writes model files."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from optopad.cli.options import file_name, named
+from optopad.cli.verb import typed, verb
+from optopad.design.errors import InputError
+from optopad.design.files import made_folder
+from optopad.design.progress import OnStep, silent
+from optopad.design.spec import SensorDesign
+from optopad.fabrication.driver.recording.bag import is_bag
+from optopad.screen.training import TrainedModel, Training
+from optopad.sims.learning.inference.model_file import save_model
+from optopad.sims.learning.learners import LEARNERS, Learner
+from optopad.sims.learning.map_learner import signal_map_learner
+from optopad.sims.learning.samples import prepared
+from optopad.sims.learning.settings import EFFORTS
+from optopad.sims.learning.traced_map import load_curve
+from optopad.sims.readings.dataset import PressData, data_notes, joined, read_data, require_design
+from optopad.work import as_netcdf, is_recording, read_design
+
+SUFFIX = ".optomodel"
+ALL = "all"
+SIGNAL_MAP = "signal-map"
+
+
+@verb(
+    data=typed("DATA"),
+    learner=typed("NAME"),
+    design=typed("DESIGN"),
+    effort=typed("NAME"),
+    out=typed("FILE", type=Path, callback=file_name(SUFFIX, or_folder=True)),
+)
+def train(
+    data: Sequence[Path],
+    *,
+    learner: str = "extra-trees",
+    design: str | None = None,
+    effort: str = "default",
+    topic: str | None = None,
+    press_topic: str | None = None,
+    set_: Sequence[str] = (),
+    out: Path | None = None,
+    seed: int = 0,
+    on_step: OnStep = silent,
+) -> Training:
+    """Train models that estimate touch, location and depth on simulated or recorded presses; one file per model.
+
+    Parameters
+    ----------
+    data : Data sets or recordings with known presses (.nc, .optorec, .mcap, bag), of one sensor.
+    learner : kernel-ridge (the paper's), extra-trees, `all` of these; or signal-map.
+    design : Design of the data; adds its force curve to the model.
+    effort : Number of samples: quick, default, or full.
+    out : Model (.optomodel), or a folder; default: next to the data.
+
+    Raises
+    ------
+    InputError : a name is unknown, or the data are of another design, too few, or without known presses or training
+        sets.
+    OutputError : the folder cannot be written.
+    """
+    if set_ and design is None:
+        raise InputError("--set: changes a design; name it with --design")
+    read, files = None if design is None else read_design(design, set_), [named(one) for one in data]
+    learners = _learners(learner, read, effort, seed)
+    settings = EFFORTS.get(effort)
+    if settings is None:
+        raise InputError(f"--effort: {effort!r} is refused: give {', '.join(EFFORTS)}")
+    places = _files(tuple(learners), files, out)
+    presses, notes = _training_data(files, read, topic, press_topic)
+    force = None if read is None else load_curve(read)
+    facts = prepared(presses).facts()
+    models = []
+    for name, fit in learners.items():
+        model: Any = fit(presses, seed=seed, on_step=_named(on_step, name), settings=settings)
+        header = replace(model.header, force_curve=force)
+        save_model(places[name], replace(model, header=header))
+        models.append(TrainedModel(file=places[name], header=header))
+    return Training(models=tuple(models), facts=facts, notes=notes)
+
+
+def _learners(learner: str, design: SensorDesign | None, effort: str, seed: int) -> dict[str, Learner]:
+    """The requested learners by name; the learner `signal-map` needs the design."""
+    if learner == ALL:
+        return dict(LEARNERS)
+    if learner in LEARNERS:
+        return {learner: LEARNERS[learner]}
+    if learner != SIGNAL_MAP:
+        raise InputError(
+            f"--learner: {learner!r} is refused: give {', '.join(LEARNERS)}, {SIGNAL_MAP}, or {ALL}"
+        )
+    if design is None:
+        raise InputError(f"--learner: {SIGNAL_MAP} is computed from a design; name it with --design")
+    return {SIGNAL_MAP: signal_map_learner(design, quick=effort == "quick", seed=seed)}
+
+
+def _files(names: Sequence[str], files: Sequence[Path], out: Path | None) -> dict[str, Path]:
+    if not files:
+        raise InputError("data: none given; name at least one file")
+    stem = files[0].name.partition(".")[0]
+    if out is not None and out.suffix.lower() == SUFFIX:
+        if len(names) > 1:
+            raise InputError(f"--out: {out} is one file for {len(names)} models; give a folder")
+        found = {names[0]: out}
+    else:
+        folder = files[0].parent if out is None else out
+        found = {name: folder / f"{stem}-{name}{SUFFIX}" for name in names}
+    for file in found.values():
+        made_folder(file.parent)
+    return found
+
+
+def _training_data(
+    files: Sequence[Path], design: SensorDesign | None, topic: str | None, press_topic: str | None
+) -> tuple[PressData, tuple[str, ...]]:
+    """The data with role "train", and notes; topics are for the bags among the files, of which there must be one."""
+    bags = [file for file in files if is_recording(file) and is_bag(file)]
+    with ExitStack() as opened:
+        every = [
+            opened.enter_context(
+                as_netcdf(file, topic, press_topic) if file in bags or not bags else as_netcdf(file)
+            )
+            for file in files
+        ]
+        data = joined([read_data(file, design) for file in every])
+    notes = () if design is None else require_design(data, design)
+    train = data.role("train")
+    if not len(train):
+        raise InputError(
+            "data: no set for training, all have the role test; name a data set with training sets"
+        )
+    return train, (*notes, *data_notes(train))
+
+
+def _named(on_step: OnStep, name: str) -> OnStep:
+    return lambda stage, share: on_step(f"{name}: {stage}", share)
