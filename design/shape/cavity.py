@@ -181,8 +181,13 @@ class Plan:
         return self.area_mm2 * self.clear_mm - float(weight @ self.top.sag_mm(x, y))
 
 
-def plan_of(design: SensorDesign, facets: Sequence[Line] = ()) -> Plan:
-    """Outline and top of a design's pad; `facets` are the flat facets of its parts in round walls."""
+@once
+def plan_of(design: SensorDesign) -> Plan:
+    """Outline and top of a design's pad, without the facets of its parts in round walls."""
+    return _plan(design, ())
+
+
+def _plan(design: SensorDesign, facets: Sequence[Line]) -> Plan:
     size, crown = design.cavity, design.crown
     box = (0.0, 0.0, size.length_mm, size.width_mm)
     outline = outline_in(size.outline, box, facets)
@@ -345,7 +350,7 @@ def cavity_of(design: SensorDesign) -> CavityGeometry:
     bare, parts = plan_of(design), dict[tuple[str, Kind], Part]()
     placed = tuple(_placed(design, place, bare, parts) for place in expand(design.layout, size))
     return CavityGeometry(
-        plan=plan_of(design, [part.line for part in placed if part.line not in bare.walls]),
+        plan=_plan(design, [part.line for part in placed if part.line not in bare.walls]),
         black_mm=size.black_thickness_mm,
         emitters=tuple(part for part in placed if part.kind == "emitter"),
         receivers=tuple(part for part in placed if part.kind == "receiver"),
