@@ -125,7 +125,8 @@ from pathlib import Path
 from optopad import check, load, run, save, score
 from optopad.design.errors import OptopadError
 from optopad.design.spec import SensorDesign
-from optopad.screen.score import Bundle, Score
+from optopad.screen.bundle import Bundle
+from optopad.screen.score import Score
 
 
 def thinned(design: SensorDesign, step_mm: float) -> SensorDesign:
