@@ -1,7 +1,7 @@
 """Makes a design's driver configuration, `driver.toml`.
 
 Every index, pin and position comes from `optopad.fabrication.connections`; times and bytes come from
-`optopad.design.circuit.pins`. The data classes and the reader are in `optopad.fabrication.driver_file`.
+`optopad.design.circuit.circuit`. The data classes and the reader are in `optopad.fabrication.driver_file`.
 """
 
 from __future__ import annotations
@@ -15,10 +15,9 @@ import tomlkit
 from tomlkit.items import AoT, Table
 
 from optopad.design.arrays import FloatArray
-from optopad.design.circuit import pins as timing
-from optopad.design.circuit.pins import board_of
+from optopad.design.circuit import link
+from optopad.design.circuit.circuit import Circuit
 from optopad.design.circuit.transimpedance import feedbacks_of
-from optopad.design.parts.catalog import Board
 from optopad.design.recordings import lit_emitters
 from optopad.design.shape.cavity import plan_of, workspace_of
 from optopad.design.shape.outline import PLAIN
@@ -85,9 +84,9 @@ def driver_config(
     ------
     DesignError : the catalogue does not have a part, or the board does not have a pin.
     """
-    connections, board = connections_of(design), board_of(design)
+    circuit = Circuit.of(design)
+    connections = connections_of(circuit)
     lit = [one.part.name for one in connections.emitters]
-    counts = len(lit), len(connections.receivers)
     states = lit_emitters(len(lit), design.board.dark)
     config = DriverConfig(
         format_version=FORMAT_VERSION,
@@ -96,21 +95,21 @@ def driver_config(
         optopad=versions()["optopad"],
         content_sha256="",
         units=Units(length="mm", time="us or ms, as named", rate="Hz", reading="ADC counts"),
-        board=_board(design, board),
-        frame=_frame(design, *counts),
-        timing=_timing(design, board, *counts),
+        board=_board(circuit),
+        frame=_frame(circuit),
+        timing=_timing(circuit),
         workspace=_workspace(design),
         surface=_surface(design),
-        ambient=AmbientRule(subtract_state=counts[0] if design.board.dark == "frame" else None),
-        gain=_gain(design, counts_per_flux, counts[1]),
+        ambient=AmbientRule(subtract_state=len(lit) if design.board.dark == "frame" else None),
+        gain=_gain(circuit, counts_per_flux),
         states=tuple(
             StateEntry(number=k, emitter="" if one is None else lit[one]) for k, one in enumerate(states)
         ),
         emitters=tuple(
             EmitterEntry(
                 name=one.part.name,
-                pin=one.pin_number,
-                output=None if design.board.emitters is None else one.pin,
+                pin=one.path.number,
+                output=one.pin if circuit.emitter_chips else None,
                 state=states.index(one.number),
                 **_place(one),
             )
@@ -120,8 +119,8 @@ def driver_config(
             ReceiverEntry(
                 name=one.part.name,
                 channel=one.pin,
-                channel_number=one.pin_number,
-                address=one.address,
+                channel_number=one.path.number,
+                address=one.path.terminal,
                 column=one.number,
                 **_place(one),
             )
@@ -151,80 +150,69 @@ def dump_driver_config(
     return tomlkit.dumps(text)
 
 
-def _board(design: SensorDesign, board: Board) -> BoardSetup:
-    use, converter, driver = design.board, timing.converter_of(design), timing.driver_of(design)
-    switches = timing.switch_pins(design, board, len(connections_of(design).emitters))
+CHIP_NAMES = {"U": "converter", "L": "led_driver"}
+CHIP_PINS = {"M": "address_pins", "S": "shift_pins", "U": "select_pins", "L": "driver_pins"}
+"""Fields of the table `board` with the name of chips and with their pins, by the letter of the chips."""
+
+
+def _board(circuit: Circuit) -> BoardSetup:
+    use, board = circuit.use, circuit.board
+    made_baud = link.made_baud(board.clock_hz, use.baud) if board.divides_clock else float(use.baud)
+    chips: dict[str, Any] = {CHIP_PINS[one.entry.letter]: one.pins for one in circuit.chips}
+    chips |= {
+        CHIP_NAMES[one.entry.letter]: one.entry.name
+        for one in circuit.chips
+        if one.entry.letter in CHIP_NAMES
+    }
     return BoardSetup(
         kind=use.kind,
         title=board.title,
         clock_hz=board.clock_hz,
-        adc_bits=timing.adc_bits(design),
-        adc_reference=_reference_words(design, board),
+        adc_bits=circuit.adc.bits,
+        adc_reference=circuit.adc.reference,
         adc_clocks_per_conversion=board.adc_clocks_per_conversion,
         adc_prescaler=use.adc_prescaler if board.divides_clock else None,
         settle_us=use.settle_us,
         baud=use.baud,
-        made_baud=timing.made_baud(board.clock_hz, use.baud) if board.divides_clock else float(use.baud),
-        baud_error=timing.baud_error(board.clock_hz, use.baud) if board.divides_clock else 0.0,
+        made_baud=made_baud,
+        baud_error=link.baud_error(board.clock_hz, use.baud) if board.divides_clock else 0.0,
         link_number=board.link_number,
         usb_ids=tuple(board.usb_ids),
         bridge_usb_ids=tuple(board.bridge_usb_ids),
         boot_s=board.boot_s,
-        address_pins=timing.address_pins(design) or None,
-        shift_pins=switches if timing.shift_register_of(design) else None,
-        spi_pins=timing.spi_pins(design, board) or None,
-        converter=None if converter is None else converter.name,
-        select_pins=timing.select_pins(design) or None,
-        led_driver=None if driver is None else driver.name,
-        driver_pins=None if driver is None else switches,
-        config_crc=None if firmware_gaps(design) else firmware_settings(design).config_crc(),
+        spi_pins=circuit.spi_pins or None,
+        config_crc=None if firmware_gaps(circuit) else firmware_settings(circuit.design).config_crc(),
+        **chips,
     )
 
 
-def _reference_words(design: SensorDesign, board: Board) -> str:
-    volts, converter = timing.full_scale_v(design), timing.converter_of(design)
-    if converter is not None:
-        reference = "its supply" if converter.full_scale_v is None else "its own range"
-        return f"{converter.name}, {reference}, {volts:g} V"
-    if design.board.reference == "internal":
-        return f"internal reference, {volts:g} V"
-    return f"board supply, taken as {volts:g} V" if board.divides_clock else f"{volts:g} V"
-
-
-def _frame(design: SensorDesign, emitter_count: int, receiver_count: int) -> FrameLayout:
-    bits, dark = timing.adc_bits(design), design.board.dark
-    states = timing.state_count(emitter_count, dark)
-    total = timing.frame_bytes(emitter_count, receiver_count, bits, dark)
-    head = timing.MAGIC_BYTES + timing.VERSION_BYTES + timing.SEQUENCE_BYTES + timing.TIME_BYTES
+def _frame(circuit: Circuit) -> FrameLayout:
+    head = link.MAGIC_BYTES + link.VERSION_BYTES + link.SEQUENCE_BYTES + link.TIME_BYTES
     return FrameLayout(
         order=("state", "receiver"),
-        states=states,
-        receivers=receiver_count,
-        readings=states * receiver_count,
-        bits_per_reading=bits,
-        magic_bytes=timing.MAGIC_BYTES,
-        version_bytes=timing.VERSION_BYTES,
-        sequence_bytes=timing.SEQUENCE_BYTES,
-        time_bytes=timing.TIME_BYTES,
-        check_bytes=timing.CHECK_BYTES,
-        reading_bytes=total - head - timing.CHECK_BYTES,
-        total_bytes=total,
+        states=circuit.state_count,
+        receivers=circuit.receiver_count,
+        readings=circuit.state_count * circuit.receiver_count,
+        bits_per_reading=circuit.adc.bits,
+        magic_bytes=link.MAGIC_BYTES,
+        version_bytes=link.VERSION_BYTES,
+        sequence_bytes=link.SEQUENCE_BYTES,
+        time_bytes=link.TIME_BYTES,
+        check_bytes=link.CHECK_BYTES,
+        reading_bytes=circuit.frame_bytes - head - link.CHECK_BYTES,
+        total_bytes=circuit.frame_bytes,
     )
 
 
-def _timing(design: SensorDesign, board: Board, emitter_count: int, receiver_count: int) -> TimingBudget:
-    use, driver = design.board, timing.driver_of(design) or timing.shift_register_of(design)
-    sent = timing.frame_bytes(emitter_count, receiver_count, timing.adc_bits(design), use.dark)
-    frame_ms = timing.design_frame_time_ms(design, emitter_count, receiver_count, board, use)
-    switch_ms = timing.switch_time_ms(driver, emitter_count, use.dark)
+def _timing(circuit: Circuit) -> TimingBudget:
     return TimingBudget(
-        conversion_us=timing.reading_time_ms(board, use, timing.converter_of(design)) * timing.US_PER_MS,
-        settle_us=use.settle_us,
-        link_ms=timing.sending_time_ms(board, use, sent),
-        frame_ms=frame_ms,
-        possible_hz=timing.MS_PER_S / frame_ms,
-        wanted_hz=use.frame_rate_hz,
-        switch_us=None if driver is None else switch_ms * timing.US_PER_MS,
+        conversion_us=circuit.adc.reading_ms * link.US_PER_MS,
+        settle_us=circuit.use.settle_us,
+        link_ms=circuit.sending_ms,
+        frame_ms=circuit.frame_ms,
+        possible_hz=circuit.frame_rate_hz,
+        wanted_hz=circuit.use.frame_rate_hz,
+        switch_us=circuit.switch_ms * link.US_PER_MS or None,
     )
 
 
@@ -250,16 +238,17 @@ def _workspace(design: SensorDesign) -> WorkspaceLimits:
     )
 
 
-def _gain(design: SensorDesign, counts_per_flux: float | Sequence[float] | None, receivers: int) -> GainNote:
-    given = design.gain.feedback_ohm
+def _gain(circuit: Circuit, counts_per_flux: float | Sequence[float] | None) -> GainNote:
+    gain = circuit.design.gain
+    given = gain.feedback_ohm
     if isinstance(counts_per_flux, (int, float)):
-        counts_per_flux = (float(counts_per_flux),) * receivers
-    feedbacks = feedbacks_of(design, counts_per_flux)
+        counts_per_flux = (float(counts_per_flux),) * circuit.receiver_count
+    feedbacks = feedbacks_of(circuit, counts_per_flux)
     if feedbacks is not None:
         counts_per_flux = counts_per_flux or [one.counts_per_flux for one in feedbacks]
     each = None if counts_per_flux is None else tuple(float(one) for one in counts_per_flux)
     return GainNote(
-        target_counts=design.gain.target_counts,
+        target_counts=gain.target_counts,
         rule=given if isinstance(given, str) else "ohms",
         counts_per_flux=None if each is None else median(each),
         receiver_counts_per_flux=each,
@@ -271,7 +260,7 @@ def _gain(design: SensorDesign, counts_per_flux: float | Sequence[float] | None,
 def _place(one: Connection) -> dict[str, Any]:
     part = one.part.part
     return {
-        "position_mm": one.position_mm,
+        "position_mm": one.part.position_mm,
         "wall": one.part.wall,
         "normal": one.normal,
         "part": one.part.part_id,

@@ -166,7 +166,7 @@ class FrameLayout:
 @dataclass(frozen=True, kw_only=True)
 class TimingBudget:
     """Duration of a frame, durations of its steps, and the resulting frame rate; computed in
-    `optopad.design.circuit.pins`.
+    `optopad.design.circuit.circuit`.
 
     Attributes
     ----------

@@ -101,7 +101,7 @@ def compile_elf(design: SensorDesign, folder: Path, changes: Sequence[str] = ())
     elf = folder / "image.elf"
     _run(
         [
-            *_command(chip, settings.clock_hz),
+            *_command(chip, settings.circuit.board.clock_hz),
             *(f"-D{change}" for change in changes),
             "-o",
             str(elf),

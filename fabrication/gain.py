@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from optopad.design.arrays import FloatArray
+from optopad.design.circuit.circuit import Circuit
 from optopad.design.circuit.transimpedance import Feedback, feedbacks_of
-from optopad.design.shape.cavity import cavity_of, pair_name
+from optopad.design.shape.cavity import pair_name
 from optopad.design.spec import SensorDesign
 from optopad.sims.readings.readout import full_scale_counts
 
@@ -70,14 +71,15 @@ def gain_of(score: Mapping[str, Any]) -> SimulatedGain | None:
     )
 
 
-def feedbacks_for(design: SensorDesign, gain: SimulatedGain | None) -> tuple[Feedback, ...] | None:
+def feedbacks_for(circuit: Circuit, gain: SimulatedGain | None) -> tuple[Feedback, ...] | None:
     """Feedback components of each receiver's amplifier; None if they depend on a simulated gain and `gain` is None."""
-    return feedbacks_of(design, None if gain is None else gain.counts_per_flux)
+    return feedbacks_of(circuit, None if gain is None else gain.counts_per_flux)
 
 
 def clipped_pairs(design: SensorDesign, gain: SimulatedGain) -> tuple[ClippedPair, ...]:
     """Pairs that would read above full scale on the untouched pad with standard resistors, the brightest first."""
-    cavity, feedbacks = cavity_of(design), feedbacks_for(design, gain)
+    circuit = Circuit.of(design)
+    cavity, feedbacks = circuit.cavity, feedbacks_for(circuit, gain)
     factors = None if feedbacks is None else [one.gain_factor for one in feedbacks]
     counts = gain.untouched_counts(factors)
     full_scale = full_scale_counts(design)

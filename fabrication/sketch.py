@@ -2,7 +2,7 @@
 
 The folder can be opened in the Arduino IDE. For AVR chips, avr-gcc compiles it together with `main.c`.
 
-`config.h` contains the firmware's settings as C. Pins and inputs are those of `optopad.fabrication.connections`, which
+`config.h` contains the firmware's settings as C. Pins and inputs are those of `optopad.design.circuit.circuit`, which
 the wiring table and `driver.toml` also use. The board's catalogue entry gives the port and multiplexer setting of a
 pin, or the pin's name in the board's Arduino core.
 """
@@ -17,181 +17,80 @@ from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 
-from optopad.design.circuit.pins import (
-    US_PER_S,
-    adc_bits,
-    address_pins,
-    baud_divisor,
-    board_of,
-    converter_of,
-    driver_of,
-    multiplexer_of,
-    select_pins,
-    shift_register_of,
-    switch_pins,
-)
+from optopad.design.circuit.circuit import Chips, Circuit
+from optopad.design.circuit.link import US_PER_S, baud_divisor
 from optopad.design.errors import DesignError
 from optopad.design.io import write_text_atomically
 from optopad.design.parts.board_firmware import MUX5, SUPPLY_BITS, ArduinoProgram, BoardFirmware
-from optopad.design.parts.catalog import Board
+from optopad.design.parts.catalog import Converter, LedDriver, Multiplexer
 from optopad.design.rules.board import firmware_findings
 from optopad.design.rules.check import require_valid
-from optopad.design.shape.cavity import cavity_of
 from optopad.design.spec import SensorDesign
-from optopad.fabrication.connections import connections_of
 
-
-@dataclass(frozen=True, kw_only=True)
-class EmitterPin:
-    """An emitter's name, and the number of its pin on the board."""
-
-    name: str
-    number: int
-
-
-@dataclass(frozen=True, kw_only=True)
-class ReceiverInput:
-    """A receiver's name, its terminal, and the board input and multiplexer address at which it is read.
-
-    Attributes
-    ----------
-    label : name of the terminal to which the receiver's amplifier is connected, as in the wiring table
-    channel : name of the board input; "" with separate converters
-    number : index of the board input, or of the separate converter
-    address : channel of the multiplexer, or input of the separate converter; 0 if the receiver has neither
-    """
-
-    name: str
-    label: str
-    channel: str
-    number: int
-    address: int
-
-
-@dataclass(frozen=True, kw_only=True)
-class ConverterSettings:
-    """Settings of separate analogue-to-digital converters on the SPI bus.
-
-    Attributes
-    ----------
-    commands : name of the command set that the firmware sends, such as ``mcp3208``
-    channels : number of inputs of one converter
-    clock_hz, spi_mode : clock frequency [Hz] and mode of the bus
-    gap_us : time for which chip select is high between two readings [us]
-    range_code : value of the range registers; 0 for converters without them
-    pins : chip select pin of each converter
-    """
-
-    commands: str
-    channels: int
-    clock_hz: int
-    spi_mode: int
-    gap_us: int
-    range_code: int
-    pins: tuple[int, ...]
-
-
-@dataclass(frozen=True, kw_only=True)
-class DriverSettings:
-    """Settings of a chain of LED drivers on the SPI bus.
-
-    Attributes
-    ----------
-    outputs : number of outputs of the whole chain
-    grayscale_bits : number of bits for each output
-    clock_hz : clock frequency of the bus [Hz]
-    turn_on_us : time from the end of blanking until an output is on [us]
-    pins : latch pin and blank pin
-    """
-
-    outputs: int
-    grayscale_bits: int
-    clock_hz: int
-    turn_on_us: int
-    pins: tuple[int, ...]
+PIN_LISTS = {"S": "SHIFT_PINS", "L": "DRIVER_PINS", "M": "ADDRESS_PINS", "U": "SELECT_PINS"}
+"""Name in `config.h` of the pins that control chips, by the letter of the chips."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FirmwareSettings:
-    """All settings in `config.h`.
+    """The program of a circuit: its settings in `config.h`, and the board's chip or core that it is for."""
 
-    Attributes
-    ----------
-    board_number : number with which the firmware identifies the type of board to the host
-    settle_us : settling time of the design, rounded up to whole microseconds [us]
-    frame_interval_us : frame interval at the design's frame rate, rounded up, so that the rate is not exceeded [us]
-    digest : digest of the design, 32 bytes
-    is_internal : whether the converter's full scale is the internal reference; otherwise it is the supply
-    dark : when dark states occur, ``frame`` or ``each``; see `optopad.design.recordings.lit_emitters`
-    """
-
-    design: str
-    digest: bytes
-    board_number: int
-    board_title: str
+    circuit: Circuit
     chip: BoardFirmware | ArduinoProgram
-    clock_hz: int
-    adc_bits: int
-    prescaler_exponent: int
-    settle_us: int
-    baud: int
-    baud_divisor: int
-    frame_interval_us: int
-    emitters: tuple[EmitterPin, ...]
-    receivers: tuple[ReceiverInput, ...]
-    averages: int = 1
-    is_internal: bool = False
-    dark: str = "frame"
-    shift_pins: tuple[int, ...] = ()
-    shift_bits: int = 0
-    address_pins: tuple[int, ...] = ()
-    address_settle_us: int = 0
-    converter: ConverterSettings | None = None
-    driver: DriverSettings | None = None
 
     @property
-    def more_pins(self) -> dict[str, tuple[int, ...]]:
-        """Pins for circuits between board and parts, such as multiplexers, by their `config.h` name."""
-        pins = {
-            "SHIFT_PINS": self.shift_pins,
-            "DRIVER_PINS": () if self.driver is None else self.driver.pins,
-            "ADDRESS_PINS": self.address_pins,
-            "SELECT_PINS": () if self.converter is None else self.converter.pins,
-        }
-        return {name: one for name, one in pins.items() if one}
+    def board_title(self) -> str:
+        """Name of the board."""
+        return self.circuit.board.title
 
     @property
-    def has_addresses(self) -> bool:
-        """Whether receivers are connected through multiplexers or separate converters, and so have an address."""
-        return bool(self.address_pins) or self.converter is not None
+    def prescaler_exponent(self) -> int:
+        """Exponent of two of the divider of the converter's clock; 0 for boards without one."""
+        return self.circuit.use.adc_prescaler.bit_length() - 1 if self.circuit.board.divides_clock else 0
 
-    def config_block(self) -> bytes:
-        """The settings as bytes, laid out as in the firmware, whose self-test returns their CRC-32."""
-        head = [
-            self.board_number,
-            len(self.emitters),
-            len(self.receivers),
-            self.adc_bits | self.is_dark_around_each << 7,
-            self.prescaler_exponent,
-        ]
-        times = self.settle_us.to_bytes(2, "little") + self.baud.to_bytes(4, "little")
-        interval = self.frame_interval_us.to_bytes(4, "little")
-        pins = [emitter.number for emitter in self.emitters]
-        inputs = [receiver.number for receiver in self.receivers]
-        return bytes(head) + times + interval + self.digest + bytes(pins) + bytes(inputs) + self._more()
+    @property
+    def settle_us(self) -> int:
+        """Settling time of the design, rounded up to whole microseconds [us]."""
+        return math.ceil(self.circuit.use.settle_us)
 
-    def _more(self) -> bytes:
-        """Bytes that `config_block` has only with averaging, the internal reference, or pins in `more_pins`."""
-        pins = [pin for group in self.more_pins.values() for pin in group]
-        if self.averages == 1 and not self.is_internal and not pins:
-            return b""
-        addresses = bytes(receiver.address for receiver in self.receivers if self.has_addresses)
-        return self.averages.to_bytes(2, "little") + bytes([self.is_internal, *pins]) + addresses
+    @property
+    def frame_interval_us(self) -> int:
+        """Frame interval at the design's frame rate, rounded up, so that the rate is not exceeded [us]."""
+        return math.ceil(US_PER_S / self.circuit.use.frame_rate_hz)
+
+    @property
+    def is_internal(self) -> bool:
+        """Whether the converter's full scale is the internal reference; otherwise it is the supply."""
+        return self.circuit.use.reference == "internal"
 
     @property
     def is_dark_around_each(self) -> bool:
         """Whether a frame has a dark state before and after each emitter's state."""
-        return self.dark == "each"
+        return self.circuit.use.dark == "each"
+
+    def config_block(self) -> bytes:
+        """The settings as bytes, laid out as in the firmware, whose self-test returns their CRC-32."""
+        circuit = self.circuit
+        head = [
+            circuit.board.link_number,
+            circuit.emitter_count,
+            circuit.receiver_count,
+            circuit.adc.bits | self.is_dark_around_each << 7,
+            self.prescaler_exponent,
+        ]
+        times = self.settle_us.to_bytes(2, "little") + circuit.use.baud.to_bytes(4, "little")
+        interval, digest = self.frame_interval_us.to_bytes(4, "little"), bytes.fromhex(circuit.design.digest)
+        numbers = [one.number for one in (*circuit.emitters, *circuit.receivers)]
+        return bytes(head) + times + interval + digest + bytes(numbers) + self._more()
+
+    def _more(self) -> bytes:
+        """Bytes that `config_block` has only with averaging, the internal reference, or chips."""
+        circuit = self.circuit
+        if circuit.use.averages == 1 and not self.is_internal and not circuit.chips:
+            return b""
+        pins = [pin for chips in circuit.chips for pin in chips.pins]
+        addresses = bytes(one.terminal for one in circuit.receivers if one.terminal is not None)
+        return circuit.use.averages.to_bytes(2, "little") + bytes([self.is_internal, *pins]) + addresses
 
     def config_crc(self) -> int:
         """CRC-32 of `config_block`, which the firmware's self-test also reports."""
@@ -206,82 +105,16 @@ def firmware_settings(design: SensorDesign) -> FirmwareSettings:
     DesignError : the design breaks a rule, or the catalogue does not contain all data about the board.
     """
     require_valid(design)
-    gaps = firmware_gaps(design)
-    board, use = board_of(design), design.board
-    chip = board.firmware or board.arduino
+    circuit = Circuit.of(design)
+    gaps, chip = firmware_gaps(circuit), circuit.board.firmware or circuit.board.arduino
     if gaps or chip is None:
         raise DesignError(f"{design.name}: no firmware can be made\n" + "\n".join(f"  {gap}" for gap in gaps))
-    connections, multiplexer = connections_of(design), multiplexer_of(design)
-    register = shift_register_of(design)
-    return FirmwareSettings(
-        design=design.name,
-        digest=bytes.fromhex(design.digest),
-        board_number=board.link_number,
-        board_title=board.title,
-        chip=chip,
-        clock_hz=board.clock_hz,
-        adc_bits=adc_bits(design),
-        prescaler_exponent=use.adc_prescaler.bit_length() - 1 if board.divides_clock else 0,
-        settle_us=math.ceil(use.settle_us),
-        baud=use.baud,
-        baud_divisor=baud_divisor(board.clock_hz, use.baud),
-        frame_interval_us=math.ceil(US_PER_S / use.frame_rate_hz),
-        emitters=tuple(EmitterPin(name=one.part.name, number=one.pin_number) for one in connections.emitters),
-        receivers=tuple(
-            ReceiverInput(
-                name=one.part.name,
-                label=one.pin,
-                channel="" if converter_of(design) else board.analog_channels[one.pin_number],
-                number=one.pin_number,
-                address=one.address or 0,
-            )
-            for one in connections.receivers
-        ),
-        averages=use.averages,
-        is_internal=use.reference == "internal",
-        dark=use.dark,
-        shift_pins=() if register is None else switch_pins(design, board, len(connections.emitters)),
-        shift_bits=0 if register is None else register.needed(len(connections.emitters)) * register.outputs,
-        address_pins=address_pins(design),
-        address_settle_us=0 if multiplexer is None else math.ceil(multiplexer.settle_us.value),
-        converter=_converter_settings(design, board),
-        driver=_driver_settings(design, board, len(connections.emitters)),
-    )
+    return FirmwareSettings(circuit=circuit, chip=chip)
 
 
-def _converter_settings(design: SensorDesign, board: Board) -> ConverterSettings | None:
-    entry = converter_of(design)
-    if entry is None:
-        return None
-    return ConverterSettings(
-        commands=entry.commands,
-        channels=entry.channels,
-        clock_hz=entry.clock_hz(board),
-        spi_mode=entry.spi_mode,
-        gap_us=math.ceil(entry.gap_us.value),
-        range_code=entry.range_code or 0,
-        pins=select_pins(design),
-    )
-
-
-def _driver_settings(design: SensorDesign, board: Board, emitter_count: int) -> DriverSettings | None:
-    entry = driver_of(design)
-    if entry is None:
-        return None
-    return DriverSettings(
-        outputs=entry.needed(emitter_count) * entry.outputs,
-        grayscale_bits=entry.grayscale_bits,
-        clock_hz=entry.clock_hz(emitter_count),
-        turn_on_us=entry.turn_on_wait_us,
-        pins=switch_pins(design, board, emitter_count),
-    )
-
-
-def firmware_gaps(design: SensorDesign) -> tuple[str, ...]:
-    """Reasons why no firmware can be made for the design's board; empty if there are none."""
-    cavity = cavity_of(design)
-    found = firmware_findings(design, board_of(design), len(cavity.emitters), len(cavity.receivers))
-    return tuple(str(finding) for finding in found)
+def firmware_gaps(circuit: Circuit) -> tuple[str, ...]:
+    """Reasons why no firmware can be made for the circuit's board; empty if there are none."""
+    return tuple(str(finding) for finding in firmware_findings(circuit))
 
 
 def plain(text: str) -> str:
@@ -291,35 +124,38 @@ def plain(text: str) -> str:
 
 def config_header(settings: FirmwareSettings) -> str:
     """Text of the file `config.h` with these settings."""
-    chip = settings.chip
-    own = _avr_lines(settings, chip) if isinstance(chip, BoardFirmware) else _arduino_lines(settings, chip)
+    circuit, chip = settings.circuit, settings.chip
+    use, emitters = circuit.use, zip(circuit.cavity.emitters, circuit.emitters, strict=True)
+    own = _avr_lines(settings, chip) if isinstance(chip, BoardFirmware) else _arduino_lines(circuit, chip)
+    sizes = {one.entry.letter: one.count * one.entry.size for one in circuit.emitter_chips}
+    sizes |= {one.entry.letter: len(one.pins) for one in circuit.receiver_chips}
     lines = [
-        *_heading(settings),
+        *_heading(circuit),
         "#ifndef OPTOPAD_CONFIG_H",
         "#define OPTOPAD_CONFIG_H",
         "#define U16(n) (n) & 255, (n) >> 8 & 255",
         "#define U32(n) U16((n) & 65535), U16((n) >> 16)",
         "",
-        f"#define BOARD_NUMBER {settings.board_number}",
-        f"#define ADC_BITS {settings.adc_bits}",
+        f"#define BOARD_NUMBER {circuit.board.link_number}",
+        f"#define ADC_BITS {circuit.adc.bits}",
         *_tunable(
             "PRESCALER_EXPONENT", f"{settings.prescaler_exponent}", "ADC clock = clock / 2 to this power"
         ),
         *_tunable("SETTLE_US", f"{settings.settle_us}UL", "wait after an emitter switches"),
         *_tunable("FRAME_INTERVAL_US", f"{settings.frame_interval_us}UL", "0: as fast as possible"),
-        f"#define BAUD {settings.baud}UL",
-        f"#define N_EMITTERS {len(settings.emitters)}",
-        *_commented_list("EMITTER_PINS", (f"{e.number} /* {plain(e.name)} */" for e in settings.emitters)),
-        f"#define N_RECEIVERS {len(settings.receivers)}",
-        *_list("CHANNEL_NUMBERS", (str(r.number) for r in settings.receivers)),
-        *_tunable("AVERAGES", f"{settings.averages}", "readings a value"),
+        f"#define BAUD {use.baud}UL",
+        f"#define N_EMITTERS {circuit.emitter_count}",
+        *_commented_list("EMITTER_PINS", (f"{path.number} /* {plain(e.name)} */" for e, path in emitters)),
+        f"#define N_RECEIVERS {circuit.receiver_count}",
+        *_list("CHANNEL_NUMBERS", (str(one.number) for one in circuit.receivers)),
+        *_tunable("AVERAGES", f"{use.averages}", "readings a value"),
         f"#define DARK_AROUND_EACH {int(settings.is_dark_around_each)} /* 1: dark before and after each emitter */",
-        f"#define ADDRESS_BITS {len(settings.address_pins)} /* of the multiplexers; 0: none */",
-        f"#define SHIFT_BITS {settings.shift_bits} /* of the shift registers; 0: none */",
-        f"#define CONVERTERS {len(settings.more_pins.get('SELECT_PINS', ()))} /* on the SPI bus; 0: the board's own */",
-        f"#define DRIVER_OUTPUTS {settings.driver.outputs if settings.driver else 0} /* of the LED drivers; 0: none */",
+        f"#define ADDRESS_BITS {sizes.get('M', 0)} /* of the multiplexers; 0: none */",
+        f"#define SHIFT_BITS {sizes.get('S', 0)} /* of the shift registers; 0: none */",
+        f"#define CONVERTERS {sizes.get('U', 0)} /* on the SPI bus; 0: the board's own */",
+        f"#define DRIVER_OUTPUTS {sizes.get('L', 0)} /* of the LED drivers; 0: none */",
         *_more_hardware(settings),
-        *_list("DESIGN_DIGEST", (f"0x{byte:02x}" for byte in settings.digest)),
+        *_list("DESIGN_DIGEST", (f"0x{byte:02x}" for byte in bytes.fromhex(circuit.design.digest))),
         "",
         *own,
         "#endif",
@@ -328,75 +164,92 @@ def config_header(settings: FirmwareSettings) -> str:
 
 
 def _more_hardware(settings: FirmwareSettings) -> Iterable[str]:
-    more, driver, converter = list(settings.more_pins), settings.driver, settings.converter
-    for name, pins in settings.more_pins.items():
-        yield from _list(name, map(str, pins))
-    if settings.address_pins:
-        yield f"#define ADDRESS_SETTLE_US {settings.address_settle_us}UL"
-    if driver is not None:
-        yield f"#define GRAYSCALE_BITS {driver.grayscale_bits} /* of one output */"
-        yield from _tunable("DRIVER_HZ", f"{driver.clock_hz}UL", "clock of the SPI bus to the LED drivers")
-        yield from _tunable("DRIVER_ON_US", f"{driver.turn_on_us}", "until an output is on after blanking")
-    if converter is not None:
-        yield f"#define CONVERTER_IS_{converter.commands.upper()} 1"
-        yield f"#define CONVERTER_CHANNELS {converter.channels}"
-        yield from _tunable(
-            "CONVERTER_HZ", f"{converter.clock_hz}UL", "clock of the SPI bus to the converters"
-        )
-        yield from _tunable("CONVERTER_MODE", f"SPI_MODE{converter.spi_mode}", "of the SPI bus")
-        yield from _tunable("CONVERTER_GAP_US", f"{converter.gap_us}", "chip select high between readings")
-        yield f"#define CONVERTER_RANGE {converter.range_code}"
-    if settings.has_addresses:
-        yield from _list("CHANNEL_ADDRESSES", (str(one.address) for one in settings.receivers))
-        more.append("CHANNEL_ADDRESSES")
-    if more or settings.averages > 1 or settings.is_internal:
-        more = [f"U16({settings.averages})", str(int(settings.is_internal)), *more]
+    circuit = settings.circuit
+    more = [PIN_LISTS[chips.entry.letter] for chips in circuit.chips]
+    for name, chips in zip(more, circuit.chips, strict=True):
+        yield from _list(name, map(str, chips.pins))
+        if isinstance(chips.entry, Multiplexer):
+            yield f"#define ADDRESS_SETTLE_US {math.ceil(chips.entry.settle_us.value)}UL"
+    for chips in circuit.chips:
+        yield from _chip_lines(chips, circuit)
+    if circuit.receiver_chips:
+        yield from _list("CHANNEL_ADDRESSES", (str(one.terminal) for one in circuit.receivers))
+        more = [*more, "CHANNEL_ADDRESSES"]
+    if more or circuit.use.averages > 1 or settings.is_internal:
+        more = [f"U16({circuit.use.averages})", str(int(settings.is_internal)), *more]
     yield f"#define MORE_CONFIG {''.join(f', {one}' for one in more)}".rstrip()
 
 
+def _chip_lines(chips: Chips, circuit: Circuit) -> Iterable[str]:
+    match chips.entry:
+        case LedDriver() as entry:
+            yield f"#define GRAYSCALE_BITS {entry.grayscale_bits} /* of one output */"
+            clock_hz = entry.clock_hz(circuit.emitter_count)
+            yield from _tunable("DRIVER_HZ", f"{clock_hz}UL", "clock of the SPI bus to the LED drivers")
+            yield from _tunable(
+                "DRIVER_ON_US", f"{entry.turn_on_wait_us}", "until an output is on after blanking"
+            )
+        case Converter() as entry:
+            yield f"#define CONVERTER_IS_{entry.commands.upper()} 1"
+            yield f"#define CONVERTER_CHANNELS {entry.channels}"
+            clock_hz, gap_us = entry.clock_hz(circuit.board), math.ceil(entry.gap_us.value)
+            yield from _tunable("CONVERTER_HZ", f"{clock_hz}UL", "clock of the SPI bus to the converters")
+            yield from _tunable("CONVERTER_MODE", f"SPI_MODE{entry.spi_mode}", "of the SPI bus")
+            yield from _tunable("CONVERTER_GAP_US", f"{gap_us}", "chip select high between readings")
+            yield f"#define CONVERTER_RANGE {entry.range_code or 0}"
+
+
 def _avr_lines(settings: FirmwareSettings, chip: BoardFirmware) -> Iterable[str]:
-    muxes = [chip.channel_mux[one.channel] for one in settings.receivers]
+    circuit = settings.circuit
+    board, muxes = circuit.board, [chip.channel_mux[one.channel] for one in circuit.receivers]
     yield from _only_for(_chip_macro(chip.mcu), chip.mcu, chip)
-    yield f"#define CLOCK_HZ {settings.clock_hz}UL"
+    yield f"#define CLOCK_HZ {board.clock_hz}UL"
     yield from _tunable(
         "SWITCH_EARLY", "0", "1: switch during a state's last conversion, once its input is sampled"
     )
-    yield f"#define BAUD_DIVISOR {settings.baud_divisor} /* of an eighth of the clock */"
+    divisor = baud_divisor(board.clock_hz, circuit.use.baud)
+    yield f"#define BAUD_DIVISOR {divisor} /* of an eighth of the clock */"
     yield f"#define RECEIVE_VECTOR {chip.receive_vector}"
     yield f"#define TRANSMIT_VECTOR {chip.transmit_vector}"
     yield f"#define REFERENCE_MUX {chip.reference_mux}"
     yield f"#define FULL_SCALE_BITS {chip.internal_reference_bits if settings.is_internal else SUPPLY_BITS}"
     yield f"#define ANY_MUX5 {int(any(mux & MUX5 for mux in muxes))}"
-    if settings.shift_pins:
-        yield from _commented_list("EMITTERS", (f"NO_LED /* {plain(e.name)} */" for e in settings.emitters))
-        lines = [chip.pin_ports[pin] for pin in settings.shift_pins]
-        yield from _list("SHIFTS", (f"LED({line[0]}, {line[1:]})" for line in lines))
-    else:
-        ports = [(chip.pin_ports[one.number], one) for one in settings.emitters]
+    emitters = [
+        (plain(part.name), path.number)
+        for part, path in zip(circuit.cavity.emitters, circuit.emitters, strict=True)
+    ]
+    for chips in circuit.emitter_chips:
+        yield from _commented_list("EMITTERS", (f"NO_LED /* {name} */" for name, _ in emitters))
+        yield from _list("SHIFTS", _ports(chip, chips.pins))
+    if not circuit.emitter_chips:
+        ports = _ports(chip, [pin for _, pin in emitters])
+        named = zip(ports, emitters, strict=True)
         yield from _commented_list(
-            "EMITTERS",
-            (f"LED({port[0]}, {port[1:]}) /* {plain(e.name)}, pin {e.number} */" for port, e in ports),
+            "EMITTERS", (f"{port} /* {name}, pin {pin} */" for port, (name, pin) in named)
         )
-    inputs = zip(muxes, settings.receivers, strict=True)
+    inputs = zip(muxes, circuit.cavity.receivers, circuit.receivers, strict=True)
     yield from _commented_list(
-        "CHANNEL_MUX", (f"{mux} /* {plain(r.name)}, {plain(r.label)} */" for mux, r in inputs)
+        "CHANNEL_MUX", (f"{mux} /* {plain(r.name)}, {plain(path.pin)} */" for mux, r, path in inputs)
     )
-    lines = [chip.pin_ports[pin] for pin in settings.address_pins]
-    if lines:
-        yield from _list("ADDRESSES", (f"LED({line[0]}, {line[1:]})" for line in lines))
+    for chips in circuit.receiver_chips:
+        yield from _list("ADDRESSES", _ports(chip, chips.pins))
 
 
-def _arduino_lines(settings: FirmwareSettings, chip: ArduinoProgram) -> Iterable[str]:
-    yield from _only_for(chip.core_macro, settings.board_title, chip)
-    if settings.converter is not None:
-        return
-    yield from _commented_list(
-        "CHANNEL_PINS",
-        (
-            f"{chip.analog_pins[r.channel]} /* {plain(r.name)}, {plain(r.label)} */"
-            for r in settings.receivers
-        ),
-    )
+def _ports(chip: BoardFirmware, pins: Iterable[int]) -> list[str]:
+    return [f"LED({chip.pin_ports[pin][0]}, {chip.pin_ports[pin][1:]})" for pin in pins]
+
+
+def _arduino_lines(circuit: Circuit, chip: ArduinoProgram) -> Iterable[str]:
+    yield from _only_for(chip.core_macro, circuit.board.title, chip)
+    if circuit.input_count:
+        inputs = zip(circuit.cavity.receivers, circuit.receivers, strict=True)
+        yield from _commented_list(
+            "CHANNEL_PINS",
+            (
+                f"{chip.analog_pins[path.channel]} /* {plain(r.name)}, {plain(path.pin)} */"
+                for r, path in inputs
+            ),
+        )
 
 
 def _only_for(macro: str, name: str, chip: BoardFirmware | ArduinoProgram) -> Iterable[str]:
@@ -405,9 +258,10 @@ def _only_for(macro: str, name: str, chip: BoardFirmware | ArduinoProgram) -> It
     yield "#endif"
 
 
-def _heading(settings: FirmwareSettings) -> Iterable[str]:
-    yield f"/* Written by optopad for the design {plain(settings.design)} (digest {settings.digest.hex()[:8]})"
-    yield f"   on the board {plain(settings.board_title)}."
+def _heading(circuit: Circuit) -> Iterable[str]:
+    design = circuit.design
+    yield f"/* Written by optopad for the design {plain(design.name)} (digest {design.digest[:8]})"
+    yield f"   on the board {plain(circuit.board.title)}."
     yield "   Change the design and write it again: the host refuses a program of another design. */"
 
 
@@ -448,6 +302,9 @@ PORTABLE_FILES = ("core.cpp",)
 """Names of source files that are the same for every design: `SHARED_FILES` for all boards, `AVR_FILES` for AVR chips,
 and `PORTABLE_FILES` for other boards."""
 
+COMMAND_FILES = {"U": "converter.h", "L": "led_driver.h"}
+"""Name in the sketch of the file with the commands of chips, by their letter. Its source has the name of the family."""
+
 MAIN = "main.c"
 """File with the main function. It is not in the sketch folder, because an Arduino core has its own."""
 
@@ -467,7 +324,12 @@ def sketch_texts(design: SensorDesign) -> dict[str, str]:
     settings = firmware_settings(design)
     is_avr = isinstance(settings.chip, BoardFirmware)
     fixed = {name: source_text(name) for name in SHARED_FILES + (AVR_FILES if is_avr else PORTABLE_FILES)}
-    return {**fixed, CONFIG: config_header(settings)}
+    commands = {
+        COMMAND_FILES[chips.entry.letter]: source_text(f"{chips.entry.family_name}.h")
+        for chips in settings.circuit.chips
+        if chips.entry.letter in COMMAND_FILES
+    }
+    return {**fixed, **commands, CONFIG: config_header(settings)}
 
 
 def write_sketch(design: SensorDesign, folder: Path) -> Path:
@@ -486,7 +348,7 @@ def write_sketch(design: SensorDesign, folder: Path) -> Path:
     sketch.mkdir(parents=True, exist_ok=True)
     if any(_is_other(sketch / name, text) for name, text in texts.items()):
         (folder / IMAGE).unlink(missing_ok=True)
-    for name in {*AVR_FILES, *PORTABLE_FILES} - set(texts):
+    for name in {*AVR_FILES, *PORTABLE_FILES, *COMMAND_FILES.values()} - set(texts):
         (sketch / name).unlink(missing_ok=True)
     for name, text in texts.items():
         write_text_atomically(sketch / name, text)

@@ -33,11 +33,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 
-from optopad.design.circuit.pins import adc_bits, amplifier_v, full_scale_v
+from optopad.design.circuit.circuit import Circuit
 from optopad.design.parts.catalog import find_amplifier
 from optopad.design.parts.electronics import Amplifier
-from optopad.design.spec import SensorDesign
-from optopad.design.spec.properties import entries_of
 
 LEAST_SWING = 0.95
 """Least share of full scale that an amplifier's output must reach [-].
@@ -155,16 +153,16 @@ def _error(first: float, second: float, time: float) -> float:
 
 
 def shortfalls(
-    design: SensorDesign, amplifier: Amplifier, loads: tuple[Load, ...] | None, settle_us: float
+    circuit: Circuit, amplifier: Amplifier, loads: tuple[Load, ...] | None, settle_us: float
 ) -> Iterator[Shortfall]:
-    """Limits of a design's circuit that an amplifier does not keep.
+    """Limits of a circuit that an amplifier does not keep.
 
     Parameters
     ----------
     loads : feedback of each receiver; None if it is not known yet, and its limits are not checked
     settle_us : time within which the amplifiers must settle
     """
-    supply_v, full_v = amplifier_v(design), full_scale_v(design)
+    supply_v, full_v = circuit.adc.supply_v, circuit.adc.full_scale_v
     if not amplifier.supply_low_v <= supply_v <= amplifier.supply_high_v:
         yield Shortfall(
             meaning="does not work at the supply of the amplifiers",
@@ -179,18 +177,18 @@ def shortfalls(
             limit=f"at least {LEAST_SWING:.0%} of {full_v:g} V",
         )
     if loads:
-        yield from _load_shortfalls(design, amplifier, loads, settle_us)
+        yield from _load_shortfalls(circuit, amplifier, loads, settle_us)
 
 
-def one_count_pa(design: SensorDesign, ohm: float) -> float:
+def one_count_pa(circuit: Circuit, ohm: float) -> float:
     """Photocurrent that changes a reading by one count [pA]."""
-    return full_scale_v(design) / 2.0 ** adc_bits(design) / ohm * PA_PER_A
+    return circuit.adc.full_scale_v / 2.0**circuit.adc.bits / ohm * PA_PER_A
 
 
 def _load_shortfalls(
-    design: SensorDesign, amplifier: Amplifier, loads: tuple[Load, ...], settle_us: float
+    circuit: Circuit, amplifier: Amplifier, loads: tuple[Load, ...], settle_us: float
 ) -> Iterator[Shortfall]:
-    count_pa = one_count_pa(design, max(load.ohm for load in loads))
+    count_pa = one_count_pa(circuit, max(load.ohm for load in loads))
     if amplifier.most_bias_pa > count_pa:
         yield Shortfall(
             meaning="takes more bias current than one count is",
@@ -207,7 +205,8 @@ def _load_shortfalls(
                 is_of_time=True,
             )
             break
-    slowest_us = max(settles_us(amplifier, load, adc_bits(design), full_scale_v(design)) for load in loads)
+    adc = circuit.adc
+    slowest_us = max(settles_us(amplifier, load, adc.bits, adc.full_scale_v) for load in loads)
     if slowest_us > settle_us * (1 + ROUNDING):
         yield Shortfall(
             meaning="does not settle in time",
@@ -217,30 +216,28 @@ def _load_shortfalls(
         )
 
 
-def chosen_amplifier(
-    design: SensorDesign, loads: tuple[Load, ...] | None, settle_us: float
-) -> ChosenAmplifier:
+def chosen_amplifier(circuit: Circuit, loads: tuple[Load, ...] | None, settle_us: float) -> ChosenAmplifier:
     """The amplifier that the design names, or else the slowest of the catalogue that fits, or the best there is.
 
     Raises
     ------
     DesignError : the design names an amplifier that is not in the catalogue.
     """
-    entries, named = entries_of(design), design.board.amplifier
+    entries, named = circuit.entries, circuit.use.amplifier
     distinct = None if loads is None else tuple(dict.fromkeys(loads))
     if named is not None:
-        return _judged(design, named, find_amplifier(entries, named), distinct, settle_us)
+        return _judged(circuit, named, find_amplifier(entries, named), distinct, settle_us)
     by_speed = sorted(entries.amplifiers.items(), key=lambda item: item[1].bandwidth_mhz.value)
-    judged = [_judged(design, name, entry, distinct, settle_us) for name, entry in by_speed]
+    judged = [_judged(circuit, name, entry, distinct, settle_us) for name, entry in by_speed]
     fitting = next((one for one in judged if not one.shortfalls), None)
     if fitting is not None:
         return fitting
-    suited = [one for one in judged if not any(shortfalls(design, one.entry, None, settle_us))]
+    suited = [one for one in judged if not any(shortfalls(circuit, one.entry, None, settle_us))]
     return (suited or judged)[-1]
 
 
 def _judged(
-    design: SensorDesign, name: str, entry: Amplifier, loads: tuple[Load, ...] | None, settle_us: float
+    circuit: Circuit, name: str, entry: Amplifier, loads: tuple[Load, ...] | None, settle_us: float
 ) -> ChosenAmplifier:
-    found = tuple(shortfalls(design, entry, loads, settle_us))
+    found = tuple(shortfalls(circuit, entry, loads, settle_us))
     return ChosenAmplifier(amplifier_id=name, entry=entry, shortfalls=found)

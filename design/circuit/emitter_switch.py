@@ -38,14 +38,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from optopad.design.circuit.amplifier import Shortfall
-from optopad.design.circuit.pins import board_of, converter_of, driver_of, shift_register_of
+from optopad.design.circuit.circuit import Circuit
 from optopad.design.fields.quantity import Quantity
 from optopad.design.parts.assumptions import assumption, standard_at_least, standard_at_most
 from optopad.design.parts.catalog import Board, Part, find_amplifier, find_transistor
+from optopad.design.parts.circuits import ShiftRegister
 from optopad.design.parts.electronics import Transistor
-from optopad.design.shape.cavity import cavity_of
-from optopad.design.spec import SensorDesign
-from optopad.design.spec.properties import entries_of
 
 MA_PER_A = 1e3
 MW_PER_W = 1e3
@@ -75,12 +73,12 @@ class EmitterSwitch:
     series_mw: float
 
 
-def most_drive_ma(design: SensorDesign, board: Board) -> tuple[str, float]:
+def most_drive_ma(circuit: Circuit) -> tuple[str, float]:
     """Name and current limit [mA] of what drives an emitter's base resistor: a pin, or a shift register's output."""
-    register = shift_register_of(design)
-    if register is None:
-        return "a pin", board.max_pin_current_ma.value
-    return f"an output of {register.name}", register.max_output_ma.value
+    for chips in circuit.emitter_chips:
+        if isinstance(chips.entry, ShiftRegister):
+            return f"an output of {chips.entry.name}", chips.entry.max_output_ma.value
+    return "a pin", circuit.board.max_pin_current_ma.value
 
 
 def emitter_switch(part: Part, board: Board) -> EmitterSwitch:
@@ -115,26 +113,26 @@ class ChosenTransistor:
     entry: Transistor
 
 
-def transistor_of(design: SensorDesign, part: Part) -> ChosenTransistor:
+def transistor_of(circuit: Circuit, part: Part) -> ChosenTransistor:
     """The transistor that the design names, or else the smallest that suits the emitter, or the largest there is.
 
     Raises
     ------
     DesignError : the design names a transistor that is not in the catalogue.
     """
-    entries, named = entries_of(design), design.board.transistor
+    entries, named = circuit.entries, circuit.use.transistor
     if named is not None:
         return ChosenTransistor(transistor_id=named, entry=find_transistor(entries, named))
     by_size = sorted(entries.transistors.items(), key=lambda item: item[1].saturation_ma.value)
-    suits = (item for item in by_size if not any(transistor_shortfalls(design, item[1], part)))
+    suits = (item for item in by_size if not any(transistor_shortfalls(circuit, item[1], part)))
     name, entry = next(suits, by_size[-1])
     return ChosenTransistor(transistor_id=name, entry=entry)
 
 
-def transistor_shortfalls(design: SensorDesign, transistor: Transistor, part: Part) -> Iterator[Shortfall]:
+def transistor_shortfalls(circuit: Circuit, transistor: Transistor, part: Part) -> Iterator[Shortfall]:
     """Limits of an emitter's switch that a transistor does not keep."""
     assert part.max_current_ma is not None, "the catalogue gives every emitter a current"
-    current_ma, supply_v = part.max_current_ma.value, board_of(design).emitter_v
+    current_ma, supply_v = part.max_current_ma.value, circuit.board.emitter_v
     if current_ma > transistor.saturation_ma.value:
         yield Shortfall(
             meaning="does not saturate at the current",
@@ -173,12 +171,12 @@ class CurrentSink:
         return (forward.value if forward.high is None else forward.high) + self.dropout_v
 
 
-def current_sink(design: SensorDesign) -> CurrentSink | None:
+def current_sink(circuit: Circuit) -> CurrentSink | None:
     """The current of the design's LED drivers; None if each emitter has a transistor."""
-    driver = driver_of(design)
+    driver = circuit.led_driver
     if driver is None:
         return None
-    limits = [one.part.max_current_ma for one in cavity_of(design).emitters]
+    limits = [one.part.max_current_ma for one in circuit.cavity.emitters]
     asked_ma = min(limit.value for limit in limits if limit is not None)
     volts = driver.current_ratio * driver.reference_v
     reference = standard_at_least(volts * MA_PER_A / min(asked_ma, driver.max_output_ma.value))
@@ -231,7 +229,7 @@ class SupplyCurrent:
         return self.all_emitters_ma + self.amplifiers_ma + self.board_ma + self.circuits_ma
 
 
-def supply_current(design: SensorDesign, amplifier_id: str | None = None) -> SupplyCurrent:
+def supply_current(circuit: Circuit, amplifier_id: str | None = None) -> SupplyCurrent:
     """The currents that a design draws from the supply.
 
     Parameters
@@ -242,25 +240,23 @@ def supply_current(design: SensorDesign, amplifier_id: str | None = None) -> Sup
     ------
     DesignError : the catalogue has no such amplifier.
     """
-    cavity, board, sink = cavity_of(design), board_of(design), current_sink(design)
+    cavity, board, sink = circuit.cavity, circuit.board, current_sink(circuit)
     switches = [emitter_switch(one.part, board) for one in cavity.emitters]
     each = [switch.current_ma + switch.base_current_ma for switch in switches]
     if sink is not None:
         each = [sink.current_ma for _ in each]
-    chips = (converter_of(design), len(cavity.receivers)), (driver_of(design), len(cavity.emitters))
-    circuits = [chip.needed(count) * chip.supply_ma.value for chip, count in chips if chip is not None]
     return SupplyCurrent(
         emitter_ma=max(each, default=0.0),
         all_emitters_ma=sum(each),
-        amplifiers_ma=_amplifiers_ma(design, amplifier_id or design.board.amplifier, len(cavity.receivers)),
-        is_amplifier_known=(amplifier_id or design.board.amplifier) is not None,
+        amplifiers_ma=_amplifiers_ma(circuit, amplifier_id or circuit.use.amplifier, len(cavity.receivers)),
+        is_amplifier_known=(amplifier_id or circuit.use.amplifier) is not None,
         board_ma=assumption("board_supply_ma").value,
-        circuits_ma=sum(circuits),
+        circuits_ma=sum(chips.count * chips.entry.own_ma for chips in reversed(circuit.chips)),
     )
 
 
-def _amplifiers_ma(design: SensorDesign, amplifier_id: str | None, receivers: int) -> float:
+def _amplifiers_ma(circuit: Circuit, amplifier_id: str | None, receivers: int) -> float:
     if amplifier_id is None:
         return assumption("amplifier_supply_ma").value * receivers
-    entry = find_amplifier(entries_of(design), amplifier_id)
+    entry = find_amplifier(circuit.entries, amplifier_id)
     return entry.supply_ma.value * entry.channels * entry.needed(receivers)

@@ -36,8 +36,8 @@ from optopad.design.circuit.amplifier import (
     one_count_pa,
     settles_us,
 )
+from optopad.design.circuit.circuit import Circuit
 from optopad.design.circuit.emitter_switch import CurrentSink, current_sink, emitter_switch
-from optopad.design.circuit.pins import adc_bits, board_of, converter_of, full_scale_v
 from optopad.design.errors import DesignError
 from optopad.design.fields.finding import FAILS, Finding, error, warning
 from optopad.design.fields.quantity import Quantity, weakest
@@ -51,9 +51,6 @@ from optopad.design.parts.assumptions import (
 )
 from optopad.design.parts.catalog import Board, Part, find_amplifier
 from optopad.design.parts.electronics import Amplifier
-from optopad.design.shape.cavity import cavity_of
-from optopad.design.spec import SensorDesign
-from optopad.design.spec.properties import entries_of
 
 NEAR_NM = 25.0
 """Largest distance from a responsivity's stated wavelength at which the value is used unchanged.
@@ -132,17 +129,17 @@ def responsivity_at(part: Part, wavelength_nm: float) -> Quantity:
     )
 
 
-def counts_per_flux_per_ohm(design: SensorDesign) -> tuple[Quantity, ...] | None:
+def counts_per_flux_per_ohm(circuit: Circuit) -> tuple[Quantity, ...] | None:
     """Counts of each receiver per ohm of feedback resistance if all emitted power reached it [counts/ohm].
 
     None if the power or the wavelength of an emitter is unknown.
     """
-    cavity, board, sink = cavity_of(design), board_of(design), current_sink(design)
+    cavity, board, sink = circuit.cavity, circuit.board, current_sink(circuit)
     powers = [(emitted_mw(one.part, board, sink), one.part.wavelength_nm) for one in cavity.emitters]
     lit = [(power, at.value) for power, at in powers if power is not None and at is not None]
     if not lit or len(lit) < len(powers):
         return None
-    scale = W_PER_MW * 2 ** adc_bits(design) / full_scale_v(design)
+    scale = W_PER_MW * 2**circuit.adc.bits / circuit.adc.full_scale_v
     found: dict[str, Quantity] = {}
     for one in cavity.receivers:
         if one.part_id not in found:
@@ -150,7 +147,7 @@ def counts_per_flux_per_ohm(design: SensorDesign) -> tuple[Quantity, ...] | None
     return tuple(found[one.part_id] for one in cavity.receivers)
 
 
-def fitted_counts_per_flux(design: SensorDesign) -> tuple[float, ...]:
+def fitted_counts_per_flux(circuit: Circuit) -> tuple[float, ...]:
     """Gain of each receiver with the resistances in `gain.feedback_ohm`: its counts if all emitted power reached it.
 
     Raises
@@ -158,24 +155,22 @@ def fitted_counts_per_flux(design: SensorDesign) -> tuple[float, ...]:
     DesignError : the design has a rule instead of resistances, a wrong number of resistances, or an emitter of unknown
         power.
     """
-    findings = list(gain_findings(design))
-    per_ohm, ohms = counts_per_flux_per_ohm(design), given_ohms(design)
+    findings = list(gain_findings(circuit))
+    per_ohm, ohms = counts_per_flux_per_ohm(circuit), given_ohms(circuit)
     if findings or per_ohm is None or ohms is None:
         raise DesignError("\n".join(map(str, findings)) or "gain.feedback_ohm: a rule gives no ohms")
     return tuple(each.value * ohm for each, ohm in zip(per_ohm, ohms, strict=True))
 
 
-def given_ohms(design: SensorDesign) -> tuple[float, ...] | None:
+def given_ohms(circuit: Circuit) -> tuple[float, ...] | None:
     """Feedback resistances given in a design, one per receiver; None if it has a rule instead."""
-    given = design.gain.feedback_ohm
+    given = circuit.design.gain.feedback_ohm
     if isinstance(given, str):
         return None
-    return given if isinstance(given, tuple) else (given,) * len(cavity_of(design).receivers)
+    return given if isinstance(given, tuple) else (given,) * len(circuit.cavity.receivers)
 
 
-def feedbacks_of(
-    design: SensorDesign, counts_per_flux: Sequence[float] | None
-) -> tuple[Feedback, ...] | None:
+def feedbacks_of(circuit: Circuit, counts_per_flux: Sequence[float] | None) -> tuple[Feedback, ...] | None:
     """Compute the feedback resistor and capacitor of each receiver's amplifier.
 
     Parameters
@@ -187,22 +182,22 @@ def feedbacks_of(
     -------
     One result per receiver; or None if an emitter's power is unknown, or if neither gains nor resistances are known.
     """
-    per_ohm, ohms = counts_per_flux_per_ohm(design), given_ohms(design)
+    per_ohm, ohms = counts_per_flux_per_ohm(circuit), given_ohms(circuit)
     if per_ohm is None:
         return None
     if ohms is None:
         if counts_per_flux is None:
             return None
         ohms = tuple(gain / each.value for gain, each in zip(counts_per_flux, per_ohm, strict=True))
-    amplifier, loads = fitted_amplifier(design, ohms)
+    amplifier, loads = fitted_amplifier(circuit, ohms)
     return tuple(
-        _feedback(design, amplifier, load, each, ohm)
+        _feedback(circuit, amplifier, load, each, ohm)
         for load, each, ohm in zip(loads, per_ohm, ohms, strict=True)
     )
 
 
 def fitted_amplifier(
-    design: SensorDesign, exact_ohms: Sequence[float]
+    circuit: Circuit, exact_ohms: Sequence[float]
 ) -> tuple[ChosenAmplifier, tuple[Load, ...]]:
     """The amplifier of a design, and the feedback of each receiver with standard resistors and capacitors.
 
@@ -210,23 +205,23 @@ def fitted_amplifier(
     ----------
     exact_ohms : required feedback resistance of each receiver
     """
-    settle_us, is_given = amplifier_settle_us(design), not isinstance(design.gain.feedback_ohm, str)
+    settle_us, is_given = amplifier_settle_us(circuit), not isinstance(circuit.design.gain.feedback_ohm, str)
     ohms = [ohm if is_given else standard_nearest(ohm) for ohm in exact_ohms]
-    tried = [_loads(design, ohms, step) for step in range(MOST_STEPS_DOWN)]
-    found = [(chosen_amplifier(design, wanted, settle_us), wanted) for wanted in tried]
+    tried = [_loads(circuit, ohms, step) for step in range(MOST_STEPS_DOWN)]
+    found = [(chosen_amplifier(circuit, wanted, settle_us), wanted) for wanted in tried]
     best = next((one for one in found if not one[0].shortfalls), None)
     best = best or next((one for one in found if one[0].is_in_time), None)
     if best is not None:
         return best
     amplifier = found[0][0]
-    return amplifier, tuple(_soonest(design, load, amplifier.entry) for load in tried[0])
+    return amplifier, tuple(_soonest(circuit, load, amplifier.entry) for load in tried[0])
 
 
-def _loads(design: SensorDesign, ohms: Sequence[float], step: int) -> tuple[Load, ...]:
+def _loads(circuit: Circuit, ohms: Sequence[float], step: int) -> tuple[Load, ...]:
     """Feedback of each receiver, with a capacitor of `step` standard steps below the largest that settles in time."""
-    constants, settle_us = math.log(2 ** (adc_bits(design) + 1)), amplifier_settle_us(design)
+    constants, settle_us = math.log(2 ** (circuit.adc.bits + 1)), amplifier_settle_us(circuit)
     found = []
-    for receiver, ohm in zip(cavity_of(design).receivers, ohms, strict=True):
+    for receiver, ohm in zip(circuit.cavity.receivers, ohms, strict=True):
         assert receiver.part.capacitance_pf is not None
         most_pf = settle_us * S_PER_US / (ohm * constants) / F_PER_PF
         feedback_pf = standard_at_most(most_pf * 10 ** (-step / len(E12)), E12)
@@ -235,27 +230,27 @@ def _loads(design: SensorDesign, ohms: Sequence[float], step: int) -> tuple[Load
     return tuple(found)
 
 
-def _soonest(design: SensorDesign, load: Load, amplifier: Amplifier) -> Load:
+def _soonest(circuit: Circuit, load: Load, amplifier: Amplifier) -> Load:
     """The feedback with the standard capacitor with which the amplifier does not ring and settles soonest."""
     least_pf = least_feedback_pf(amplifier, load.ohm, load.input_pf)
     tried = [
         replace(load, feedback_pf=standard_at_least(least_pf * 10 ** (step / len(E12)), E12))
         for step in range(MOST_STEPS_DOWN)
     ]
-    return min(tried, key=lambda one: settles_us(amplifier, one, adc_bits(design), full_scale_v(design)))
+    return min(tried, key=lambda one: settles_us(amplifier, one, circuit.adc.bits, circuit.adc.full_scale_v))
 
 
-def amplifier_settle_us(design: SensorDesign) -> float:
+def amplifier_settle_us(circuit: Circuit) -> float:
     """Time within which the amplifiers must settle [us]: `board.settle_us` less that of a converter's input filter."""
-    return max(design.board.settle_us - filter_settles_us(design), LEAST_SETTLE_US)
+    return max(circuit.use.settle_us - circuit.adc.filter_settles_us, LEAST_SETTLE_US)
 
 
-def gain_findings(design: SensorDesign) -> Iterator[Finding]:
+def gain_findings(circuit: Circuit) -> Iterator[Finding]:
     """Errors about given resistances that define no gain: a wrong number of them, or an emitter of unknown power."""
-    given = design.gain.feedback_ohm
+    given = circuit.design.gain.feedback_ohm
     if isinstance(given, str):
         return
-    receivers = len(cavity_of(design).receivers)
+    receivers = len(circuit.cavity.receivers)
     if isinstance(given, tuple) and len(given) != receivers:
         yield error(
             "gain.feedback_ohm",
@@ -264,8 +259,8 @@ def gain_findings(design: SensorDesign) -> Iterator[Finding]:
             limit=f"exactly {receivers}",
             way_out="give one resistance for each receiver, or one number for all",
         )
-    for one in {one.part_id: one for one in cavity_of(design).emitters}.values():
-        if emitted_mw(one.part, board_of(design), current_sink(design)) is None:
+    for one in {one.part_id: one for one in circuit.cavity.emitters}.values():
+        if emitted_mw(one.part, circuit.board, current_sink(circuit)) is None:
             yield error(
                 "gain.feedback_ohm",
                 f"ohms make a gain only with the emitters' power, which {one.part_id} does not have",
@@ -275,17 +270,15 @@ def gain_findings(design: SensorDesign) -> Iterator[Finding]:
             )
 
 
-def settling_findings(
-    design: SensorDesign, counts_per_flux: Sequence[float] | None = None
-) -> Iterator[Finding]:
+def settling_findings(circuit: Circuit, counts_per_flux: Sequence[float] | None = None) -> Iterator[Finding]:
     """Warning about amplifiers that do not settle within `board.settle_us`; none if the resistors are unknown.
 
     Parameters
     ----------
     counts_per_flux : required gain of each receiver, as in `feedbacks_of`
     """
-    feedbacks, settle_us = feedbacks_of(design, counts_per_flux) or (), design.board.settle_us
-    converter, filter_us = converter_of(design), filter_settles_us(design)
+    feedbacks, settle_us = feedbacks_of(circuit, counts_per_flux) or (), circuit.use.settle_us
+    converter, filter_us = circuit.adc.separate, circuit.adc.filter_settles_us
     if converter is not None and settle_us <= filter_us:
         yield warning(
             "board.settle_us",
@@ -298,12 +291,12 @@ def settling_findings(
         return
     late = [
         (one.settles_us, part.name)
-        for one, part in zip(feedbacks, cavity_of(design).receivers, strict=False)
+        for one, part in zip(feedbacks, circuit.cavity.receivers, strict=False)
         if not one.is_in_time
     ]
-    named = design.board.amplifier
+    named = circuit.use.amplifier
     if late:
-        lower = "gain.target_counts" if given_ohms(design) is None else "gain.feedback_ohm"
+        lower = "gain.target_counts" if given_ohms(circuit) is None else "gain.feedback_ohm"
         faster = "" if named is None else "remove board.amplifier, so that a faster one is chosen, "
         yield warning(
             "board.settle_us",
@@ -314,13 +307,13 @@ def settling_findings(
             way_out=f"raise it, {faster}or lower {lower}",
         )
     if feedbacks:
-        yield from _bias_findings(design, feedbacks)
+        yield from _bias_findings(circuit, feedbacks)
 
 
-def _bias_findings(design: SensorDesign, feedbacks: Sequence[Feedback]) -> Iterator[Finding]:
+def _bias_findings(circuit: Circuit, feedbacks: Sequence[Feedback]) -> Iterator[Finding]:
     ohms = [one.standard_ohm for one in feedbacks]
-    entry = find_amplifier(entries_of(design), feedbacks[0].amplifier_id)
-    count_pa = one_count_pa(design, max(ohms))
+    entry = find_amplifier(circuit.entries, feedbacks[0].amplifier_id)
+    count_pa = one_count_pa(circuit, max(ohms))
     if entry.most_bias_pa > count_pa:
         yield warning(
             "board.amplifier",
@@ -328,7 +321,7 @@ def _bias_findings(design: SensorDesign, feedbacks: Sequence[Feedback]) -> Itera
             value=f"{entry.most_bias_pa:.3g} pA",
             limit=f"at most {count_pa:.3g} pA, one count at {ohm_text(max(ohms))}",
             way_out="lower the resistor, as by more light"
-            if design.board.amplifier is None
+            if circuit.use.amplifier is None
             else "remove board.amplifier, so that one with a CMOS or JFET input is chosen",
         )
 
@@ -350,23 +343,17 @@ def _mean_product(lit: list[tuple[Quantity, float]], receiver: Part, scale: floa
     )
 
 
-def filter_settles_us(design: SensorDesign) -> float:
-    """Time in which the input filter of the design's converters settles [us]; 0 without a filter."""
-    converter = converter_of(design)
-    return 0.0 if converter is None else converter.filter_settles_us
-
-
-def settle_words(design: SensorDesign) -> str:
+def settle_words(circuit: Circuit) -> str:
     """Text for messages: the time within which an amplifier has to settle, with the field that sets it."""
-    words, filter_us = f"board.settle_us = {design.board.settle_us:g} us", filter_settles_us(design)
+    words, filter_us = f"board.settle_us = {circuit.use.settle_us:g} us", circuit.adc.filter_settles_us
     return f"{words} less {filter_us:.0f} us of the converter's input filter" if filter_us else words
 
 
 def _feedback(
-    design: SensorDesign, amplifier: ChosenAmplifier, load: Load, per_ohm: Quantity, exact_ohm: float
+    circuit: Circuit, amplifier: ChosenAmplifier, load: Load, per_ohm: Quantity, exact_ohm: float
 ) -> Feedback:
-    gain, is_given = per_ohm.value * exact_ohm, not isinstance(design.gain.feedback_ohm, str)
-    settles = settles_us(amplifier.entry, load, adc_bits(design), full_scale_v(design))
+    gain, is_given = per_ohm.value * exact_ohm, not isinstance(circuit.design.gain.feedback_ohm, str)
+    settles = settles_us(amplifier.entry, load, circuit.adc.bits, circuit.adc.full_scale_v)
     return Feedback(
         exact_ohm=exact_ohm,
         low_ohm=exact_ohm if is_given else gain / _high(per_ohm),
@@ -376,7 +363,7 @@ def _feedback(
         capacitor_pf=load.feedback_pf,
         amplifier_id=amplifier.amplifier_id,
         settles_us=settles,
-        is_in_time=settles <= amplifier_settle_us(design) * (1 + 1e-9),
+        is_in_time=settles <= amplifier_settle_us(circuit) * (1 + 1e-9),
     )
 
 

@@ -63,7 +63,14 @@ from optopad.design.fields.validation import PATTERN_WORDS
 from optopad.design.parts.angular import AngularTable
 from optopad.design.parts.assumptions import assumption
 from optopad.design.parts.board_firmware import ArduinoProgram, BoardFirmware
-from optopad.design.parts.circuits import Chip, Converter, LedDriver, Multiplexer, ShiftRegister
+from optopad.design.parts.circuits import (
+    BoardChip,
+    Chip,
+    Converter,
+    LedDriver,
+    Multiplexer,
+    ShiftRegister,
+)
 from optopad.design.parts.elastomer import (
     Cure,
     Elastomer,
@@ -80,6 +87,7 @@ __all__ = [
     "PACKAGED_FILES",
     "Amplifier",
     "Board",
+    "BoardChip",
     "CatalogEntries",
     "Chip",
     "Converter",
@@ -98,13 +106,10 @@ __all__ = [
     "Transistor",
     "find_amplifier",
     "find_board",
-    "find_converter",
+    "find_chip",
     "find_elastomer",
-    "find_led_driver",
     "find_mold_material",
-    "find_multiplexer",
     "find_part",
-    "find_shift_register",
     "find_transistor",
     "merged",
     "packaged",
@@ -597,24 +602,10 @@ def find_board(entries: CatalogEntries, board_id: str) -> Board:
     return _find(entries.boards, board_id, "board", "boards")
 
 
-def find_multiplexer(entries: CatalogEntries, multiplexer_id: str) -> Multiplexer:
-    """Find the multiplexer with an identifier; DesignError with similar names if there is none."""
-    return _find(entries.multiplexers, multiplexer_id, "multiplexer", "multiplexers")
-
-
-def find_shift_register(entries: CatalogEntries, register_id: str) -> ShiftRegister:
-    """Find the shift register with an identifier; DesignError with similar names if there is none."""
-    return _find(entries.shift_registers, register_id, "shift register", "shift_registers")
-
-
-def find_converter(entries: CatalogEntries, converter_id: str) -> Converter:
-    """Find the converter with an identifier; DesignError with similar names if there is none."""
-    return _find(entries.converters, converter_id, "converter", "converters")
-
-
-def find_led_driver(entries: CatalogEntries, driver_id: str) -> LedDriver:
-    """Find the LED driver with an identifier; DesignError with similar names if there is none."""
-    return _find(entries.led_drivers, driver_id, "LED driver", "led_drivers")
+def find_chip(entries: CatalogEntries, kind: type[BoardChip], chip_id: str) -> BoardChip:
+    """Find the chip of one kind with an identifier; DesignError with similar names if there is none."""
+    table: dict[str, BoardChip] = getattr(entries, kind.table)
+    return _find(table, chip_id, kind.noun, kind.table)
 
 
 def find_amplifier(entries: CatalogEntries, amplifier_id: str) -> Amplifier:

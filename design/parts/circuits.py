@@ -2,16 +2,21 @@
 
 Multiplexers and shift registers extend the board's inputs and pins. Converters and LED drivers are on the board's SPI
 bus; converters replace the board's own converter, and LED drivers replace the emitters' transistors and resistors.
+
+Chips of one family share pins and commands (`chip_families.toml`). An entry of a known family needs no code. A family
+with other commands needs its file in the firmware's sources.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal, Protocol, Self
+from functools import cache
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Protocol, Self
 
 from pydantic import Field, model_validator
 
 from optopad.design.fields.base import Model
+from optopad.design.fields.packaged import data_table
 from optopad.design.fields.quantity import (
     Confidence,
     CurrentMa,
@@ -27,9 +32,13 @@ from optopad.design.fields.quantity import (
 from optopad.design.recordings import lit_emitters
 
 HZ_PER_MHZ = 1e6
-SHIFT_EDGE_US = 1.0
-"""Wait of the firmware after each edge on a shift register's data, clock or latch [us]."""
 KHZ_PER_MHZ = 1e3
+US_PER_MS = 1e3
+MS_PER_S = 1e3
+EDGE_US = 1.0
+"""Wait of the firmware after each edge on the control pins of shift registers and LED drivers [us]."""
+DRIVER_EDGES = 4
+"""Edges on latch and blank of the LED drivers in each state."""
 
 
 class Voltages(Protocol):
@@ -64,8 +73,127 @@ class Chip(Model):
         return self.supply_low_v <= board.pin_v <= self.supply_high_v
 
 
-class Multiplexer(Chip):
+class Family(Model):
+    """Table of the catalogue and pins of a family of chips, and the frames of a converter's readings."""
+
+    table: str
+    left: tuple[tuple[str, str], ...]
+    right: tuple[tuple[str, str], ...]
+    chain: tuple[str, str] = ("", "")
+    below: tuple[str, ...] = ()
+    first_below: tuple[str, ...] = ()
+    components: tuple[tuple[str, str, str, str, str], ...] = ()
+    clocks: int = 0
+    frames: int = 1
+    bits: int = 0
+    inputs: int = 0
+    needs: tuple[str, ...] = ()
+    example: str = ""
+
+    def pin_at(self, net: str) -> str:
+        """Name of the first pin that is connected to a net."""
+        return next(pin for pin, its in (*self.left, *self.right) if its == net)
+
+
+@cache
+def families() -> dict[str, Family]:
+    """All families of chips, by name."""
+    return {name: Family(**table) for name, table in data_table("chip_families.toml").items()}
+
+
+if TYPE_CHECKING:
+    ConverterFamily = str
+    DriverFamily = str
+else:
+    ConverterFamily, DriverFamily = (
+        Literal[tuple(name for name, family in families().items() if family.table == table)]
+        for table in ("converters", "led_drivers")
+    )
+
+
+class BoardChip(Chip):
+    """A chip between the board and the emitters or receivers, of which a design has as many as it needs.
+
+    Attributes
+    ----------
+    table : table of the catalogue
+    noun : what the chips are called in messages
+    field : field of a design that names an entry
+    pins_field : field of a design with the board's pins that control the chips
+    controls : purposes of these pins
+    letter, terminal : first letters of the names of chips and of their terminals, as in S1-Q3
+    size_field : field with the number of emitters or receivers that one chip serves
+    uses_bus : whether the chips are on the board's SPI bus
+    """
+
+    table: ClassVar[str]
+    noun: ClassVar[str]
+    field: ClassVar[str]
+    pins_field: ClassVar[str]
+    controls: ClassVar[str]
+    letter: ClassVar[str]
+    terminal: ClassVar[str]
+    size_field: ClassVar[str]
+    uses_bus: ClassVar[bool] = False
+
+    @property
+    def size(self) -> int:
+        """Number of emitters or receivers that one chip serves."""
+        return int(getattr(self, self.size_field))
+
+    @property
+    def family_name(self) -> str:
+        """Name of the family of chips, with the same pins and commands."""
+        return str(getattr(self, "commands", self.noun.replace(" ", "_")))
+
+    @property
+    def family(self) -> Family:
+        """Pins and commands of the chip."""
+        return families()[self.family_name]
+
+    @property
+    def own_ma(self) -> float:
+        """Supply current of one chip that is counted [mA]."""
+        return 0.0
+
+    def needed(self, count: int) -> int:
+        """Number of chips for this many emitters or receivers."""
+        return math.ceil(count / self.size)
+
+    def pin_count(self, count: int) -> int:
+        """Number of the board's pins that control the chips for this many emitters or receivers."""
+        raise NotImplementedError
+
+    def switch_ms(self, emitter_count: int, dark: str) -> float:
+        """Mean time in which emitters' chips switch from one state of a frame to the next [ms].
+
+        Parameters
+        ----------
+        dark : ``frame`` or ``each``, as in `optopad.design.recordings.lit_emitters`
+        """
+        raise NotImplementedError
+
+    def supply_fault(self, board: Voltages) -> tuple[str, str, str, str]:
+        """What is wrong if the chip does not work on a board: meaning, value, limit and way out."""
+        return (
+            f"{self.name} does not work at the level of the board's pins",
+            f"{board.pin_v:g} V",
+            f"{self.supply_low_v:g} to {self.supply_high_v:g} V",
+            "choose another one, or another board.kind",
+        )
+
+
+class Multiplexer(BoardChip):
     """Analogue switches that connect one of several amplifiers to an input of the board, chosen by address lines."""
+
+    table = "multiplexers"
+    noun = "multiplexer"
+    field = "board.receivers.multiplexer"
+    pins_field = "board.receivers.address_pins"
+    controls = "address"
+    letter = "M"
+    terminal = "C"
+    size_field = "channels"
 
     channels: Annotated[int, Field(ge=2, le=64, description="amplifiers that it chooses from")]
     enable: Annotated[
@@ -79,20 +207,33 @@ class Multiplexer(Chip):
         """Number of address lines."""
         return (self.channels - 1).bit_length()
 
-    def needed(self, receiver_count: int) -> int:
-        """Number of multiplexers for this many receivers; each uses one of the board's inputs."""
-        return math.ceil(receiver_count / self.channels)
+    def pin_count(self, _: int) -> int:
+        """Number of address lines, which all multiplexers share."""
+        return self.address_bits
 
 
-class ShiftRegister(Chip):
+class ShiftRegister(BoardChip):
     """Outputs in a chain, set by three pins: data, clock and latch; one output switches one emitter's transistor."""
+
+    table = "shift_registers"
+    noun = "shift register"
+    field = "board.emitters.shift_register"
+    pins_field = "board.emitters.pins"
+    controls = "data, clock and latch"
+    letter = "S"
+    terminal = "Q"
+    size_field = "outputs"
 
     outputs: Annotated[int, Field(ge=2, le=64, description="outputs of one of them")]
     max_output_ma: Annotated[CurrentMa, Field(description="of one output")]
 
-    def needed(self, emitter_count: int) -> int:
-        """Number of shift registers in the chain for this many emitters."""
-        return math.ceil(emitter_count / self.outputs)
+    def pin_count(self, _: int) -> int:
+        """Data, clock and latch of the chain."""
+        return 3
+
+    def switch_ms(self, emitter_count: int, dark: str) -> float:
+        """Mean time to switch from one state of a frame to the next [ms]; see `switch_us`."""
+        return self.switch_us(emitter_count, dark) / US_PER_MS
 
     def switch_us(self, emitter_count: int, dark: str) -> float:
         """Mean time to switch from one state of a frame to the next [us]; AVR boards need less.
@@ -113,20 +254,14 @@ class ShiftRegister(Chip):
             data_edges = 1 if moves or emitter is None else 2
             edges += data_edges + 2 * (clocks + 1)
             lit = now
-        return SHIFT_EDGE_US * edges / len(states)
+        return EDGE_US * edges / len(states)
 
-
-COMMAND_CLOCKS = {"mcp3208": 24, "ads8688": 32}
-"""SPI clock cycles for one reading, for each command set that converters use."""
-
-COMMAND_BITS = {"mcp3208": 12, "ads8688": 16}
-"""Number of bits in a reading, for each command set that converters use."""
 
 FIVE_V = 4.75
 """Lowest supply that counts as 5 V, which is 5 V less its usual tolerance [V]."""
 
 
-class Converter(Chip):
+class Converter(BoardChip):
     """Converter on the board's SPI bus that reads receivers in place of the board's own; each has its own chip select.
 
     The chip is supplied at the level of the board's pins. If it has separate digital and analogue supplies, the digital
@@ -135,10 +270,20 @@ class Converter(Chip):
 
     unsaid = ("logic_low_v", "logic_high_v", "full_scale_v", "range_code", "clock_5v_mhz", "input_filter_khz")
 
-    channels: Annotated[int, Field(ge=1, le=8, description="inputs, as many as its commands can name")]
+    table = "converters"
+    noun = "converter"
+    field = "board.receivers.converter"
+    pins_field = "board.receivers.select_pins"
+    controls = "chip selects"
+    letter = "U"
+    terminal = "C"
+    size_field = "channels"
+    uses_bus = True
+
+    channels: Annotated[int, Field(ge=1, le=64, description="inputs, as many as its commands can name")]
     bits: Annotated[int, Field(ge=8, le=16, description="of one reading")]
     commands: Annotated[
-        Literal["mcp3208", "ads8688"], Field(description="chip whose commands and frames the firmware sends")
+        ConverterFamily, Field(description="chip whose commands and frames the firmware sends")
     ]
     spi_mode: Annotated[int, Field(ge=0, le=3, description="polarity and phase of the bus's clock")]
     clock_mhz: Annotated[
@@ -173,16 +318,29 @@ class Converter(Chip):
     def _is_complete(self) -> Self:
         if (self.logic_low_v is None) != (self.logic_high_v is None):
             raise ValueError("logic_low_v and logic_high_v: give both, or neither for a chip of one supply")
-        given = COMMAND_BITS[self.commands]
-        if self.bits != given:
+        family = self.family
+        if self.bits != family.bits:
             raise ValueError(
-                f"bits = {self.bits}: the frames of {self.commands} have {given} bits; set bits = {given}"
+                f"bits = {self.bits}: the frames of {self.commands} have {family.bits} bits; set bits = {family.bits}"
             )
-        if self.commands == "ads8688" and None in (self.range_code, self.full_scale_v):
+        if self.channels > family.inputs:
             raise ValueError(
-                "commands = 'ads8688' needs range_code and full_scale_v; give both, as 6 and 5.12 for 0 to 5.12 V"
+                f"channels = {self.channels}: must be at most {family.inputs}, the inputs that commands of "
+                f"{self.commands} can name"
             )
+        if any(getattr(self, name) is None for name in family.needs):
+            needed = " and ".join(family.needs)
+            raise ValueError(f"commands = '{self.commands}' needs {needed}; give both, as {family.example}")
         return self
+
+    @property
+    def own_ma(self) -> float:
+        """Supply current of one converter [mA]."""
+        return self.supply_ma.value
+
+    def pin_count(self, count: int) -> int:
+        """Chip selects: one for each converter."""
+        return self.needed(count)
 
     @property
     def has_own_logic(self) -> bool:
@@ -211,8 +369,9 @@ class Converter(Chip):
 
     def reading_us(self, board: Voltages) -> float:
         """Time of one reading [us]: clock cycles, the gap in whole microseconds, and the core's function calls."""
-        clocks_us = COMMAND_CLOCKS[self.commands] / self.clock_hz(board) * HZ_PER_MHZ
-        return clocks_us + math.ceil(self.gap_us.value) + self.call_us.value
+        family = self.family
+        clocks_us = family.clocks / self.clock_hz(board) * HZ_PER_MHZ
+        return clocks_us + family.frames * math.ceil(self.gap_us.value) + family.frames * self.call_us.value
 
     @property
     def filter_settles_us(self) -> float:
@@ -227,18 +386,47 @@ class Converter(Chip):
         per_us = 2 * math.pi * self.input_filter_khz.value / KHZ_PER_MHZ
         return math.sqrt(2.0) * math.log(2 ** (self.bits + 1)) / per_us
 
-    def needed(self, receiver_count: int) -> int:
-        """Number of converters for this many receivers; each uses one chip select."""
-        return math.ceil(receiver_count / self.channels)
+    def supply_fault(self, board: Voltages) -> tuple[str, str, str, str]:
+        """What is wrong if the converter does not work on a board: meaning, value, limit and way out."""
+        supply = f"{self.supply_low_v:g} to {self.supply_high_v:g} V"
+        if not self.has_own_logic:
+            return (
+                f"{self.name} has one supply, and its data output is at the level of that supply, which a pin of the "
+                "board does not bear",
+                f"pins of {board.pin_v:g} V",
+                supply,
+                "name a converter that works at the level of the pins, as mcp3208 at 2.7 to 5.5 V, or one "
+                "with a digital supply of its own, as ads8688",
+            )
+        return (
+            f"{self.name} has its analogue supply from the emitters' supply and its digital supply at the level of the "
+            "board's pins",
+            f"{board.emitter_v:g} V and {board.pin_v:g} V",
+            f"{supply} and {self.logic_low_v:g} to {self.logic_high_v:g} V",
+            "name another converter, as mcp3208, or another board.kind",
+        )
 
 
-class LedDriver(Chip):
+class LedDriver(BoardChip):
     """Constant-current outputs in a chain on the board's SPI bus; they replace the emitters' transistors and resistors.
 
     A resistor at its reference pin sets one current for all of its outputs. The data of an output are its grayscale:
     the share of a PWM period in which it is on.
     """
 
+    unsaid = ("commands",)
+
+    table = "led_drivers"
+    noun = "LED driver"
+    field = "board.emitters.driver"
+    pins_field = "board.emitters.pins"
+    controls = "latch and blank"
+    letter = "L"
+    terminal = "Q"
+    size_field = "outputs"
+    uses_bus = True
+
+    commands: Annotated[DriverFamily, Field(description="chip whose data the firmware sends")] = "tlc5947"
     outputs: Annotated[int, Field(ge=1, le=64, description="outputs of one of them")]
     grayscale_bits: Annotated[int, Field(ge=1, le=16, description="data of one output")]
     least_output_ma: Annotated[CurrentMa, Field(description="least current of one output")]
@@ -258,9 +446,19 @@ class LedDriver(Chip):
         TimeUs, Field(description="period of the grayscale, at whose end every output is off for one step")
     ]
 
-    def needed(self, emitter_count: int) -> int:
-        """Number of drivers in the chain for this many emitters."""
-        return math.ceil(emitter_count / self.outputs)
+    @property
+    def own_ma(self) -> float:
+        """Supply current of one driver [mA]."""
+        return self.supply_ma.value
+
+    def pin_count(self, _: int) -> int:
+        """Latch and blank of the chain."""
+        return 2
+
+    def switch_ms(self, emitter_count: int, _: str) -> float:
+        """Time to send the data of all outputs, latch them, and light an emitter [ms]."""
+        sent_ms = self.bits(emitter_count) / self.clock_hz(emitter_count) * MS_PER_S
+        return sent_ms + (DRIVER_EDGES * EDGE_US + self.turn_on_wait_us) / US_PER_MS
 
     def bits(self, emitter_count: int) -> int:
         """Number of bits that are sent through the chain to change which emitters are lit."""
@@ -280,3 +478,13 @@ class LedDriver(Chip):
     def least_period_us(self) -> float:
         """Shortest PWM period [us]."""
         return self.pwm_period_us.value if self.pwm_period_us.low is None else self.pwm_period_us.low
+
+
+EMITTER_CHIPS: tuple[type[BoardChip], ...] = (ShiftRegister, LedDriver)
+RECEIVER_CHIPS: tuple[type[BoardChip], ...] = (Multiplexer, Converter)
+
+
+def named_chip(use: object, kind: type[BoardChip]) -> str | None:
+    """Identifier of the chips of one kind in a design's table `board`; None if the design has none."""
+    _, side, key = kind.field.split(".")
+    return getattr(getattr(use, side), key, None)

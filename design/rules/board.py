@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from optopad.design.circuit.amplifier import chosen_amplifier
+from optopad.design.circuit.circuit import Circuit
 from optopad.design.circuit.emitter_switch import (
     CurrentSink,
     current_sink,
@@ -24,27 +25,14 @@ from optopad.design.circuit.emitter_switch import (
     transistor_of,
     transistor_shortfalls,
 )
-from optopad.design.circuit.pins import (
-    MS_PER_S,
-    adc_bits,
-    address_pins,
-    baud_error,
-    converter_of,
-    design_frame_time_ms,
-    driver_of,
-    frame_bytes,
-    input_count,
-    lit_time_us,
-    made_baud,
-    pin_findings,
-    switch_pins,
-)
+from optopad.design.circuit.link import MS_PER_S, US_PER_MS, baud_error, frame_bytes, made_baud
+from optopad.design.circuit.pin_rules import pin_findings
 from optopad.design.circuit.transimpedance import gain_findings, settling_findings
 from optopad.design.fields.finding import FAILS, Finding, error, note, warning
 from optopad.design.parts.board_firmware import ArduinoProgram, BoardFirmware
-from optopad.design.parts.catalog import Board
-from optopad.design.shape.cavity import PlacedPart, cavity_of
-from optopad.design.spec import SensorDesign
+from optopad.design.parts.catalog import Board, LedDriver
+from optopad.design.shape.cavity import PlacedPart
+from optopad.design.spec import BoardUse
 
 FIRMWARE_ADC_BITS = 10
 PORTABLE_ADC_BITS = range(8, 17)
@@ -67,48 +55,41 @@ It covers variables (170 bytes measured), five bytes per emitter, and the stack.
 """
 
 
-def firmware_findings(
-    design: SensorDesign, board: Board, emitter_count: int, receiver_count: int
-) -> Iterator[Finding]:
+def firmware_findings(circuit: Circuit) -> Iterator[Finding]:
     """Findings about limits of the board that prevent the generated firmware from running on it."""
+    board = circuit.board
     chip = board.firmware
     if board.arduino is not None:
-        yield from _portable_findings(design, board, board.arduino, emitter_count, receiver_count)
+        yield from _portable_findings(circuit, board.arduino)
         return
     if chip is None:
         yield warning(
             "board.kind",
             "no firmware is made for this board: its entry does not name its chip",
-            value=design.board.kind,
+            value=circuit.use.kind,
             limit="an entry with a table `firmware` or `arduino`",
             way_out="add one in your catalogue, or name another board",
         )
         return
     yield from _converter_findings(board)
-    yield from _pin_findings(design, board, chip, emitter_count, receiver_count)
-    yield from _memory_findings(
-        board, chip, frame_bytes(emitter_count, receiver_count, board.adc_bits, design.board.dark)
-    )
+    yield from _pin_findings(circuit, chip)
+    own = frame_bytes(circuit.emitter_count, circuit.receiver_count, board.adc_bits, circuit.use.dark)
+    yield from _memory_findings(board, chip, own)
 
 
-def _portable_findings(
-    design: SensorDesign, board: Board, chip: ArduinoProgram, emitter_count: int, receiver_count: int
-) -> Iterator[Finding]:
-    bits = PORTABLE_ADC_BITS
-    if adc_bits(design) not in bits:
+def _portable_findings(circuit: Circuit, chip: ArduinoProgram) -> Iterator[Finding]:
+    bits, known = PORTABLE_ADC_BITS, circuit.board.analog_channels
+    if circuit.adc.bits not in bits:
         yield warning(
             "board.kind",
             "no firmware is made for this board: its readings are too long or too short",
-            value=f"{adc_bits(design)} bits",
+            value=f"{circuit.adc.bits} bits",
             limit=f"{bits[0]} to {bits[-1]} bits",
             way_out="set adc_bits of the board's entry to what its core's analogReadResolution takes",
         )
-    channels = design.board.receiver_channels or board.analog_channels[: input_count(design, receiver_count)]
-    unnamed = [name for name in channels if name in board.analog_channels and name not in chip.analog_pins]
+    unnamed = [name for name in circuit.channels if name in known and name not in chip.analog_pins]
     yield from _unknown("board.receiver_channels", "arduino", "analog_pins", unnamed)
-    yield from _memory_findings(
-        board, chip, frame_bytes(emitter_count, receiver_count, adc_bits(design), design.board.dark)
-    )
+    yield from _memory_findings(circuit.board, chip, circuit.frame_bytes)
 
 
 def _converter_findings(board: Board) -> Iterator[Finding]:
@@ -122,15 +103,14 @@ def _converter_findings(board: Board) -> Iterator[Finding]:
         )
 
 
-def _pin_findings(
-    design: SensorDesign, board: Board, chip: BoardFirmware, emitter_count: int, receiver_count: int
-) -> Iterator[Finding]:
-    use = design.board
-    pins = switch_pins(design, board, emitter_count)
-    pins = (*pins, *address_pins(design))
-    channels = use.receiver_channels or board.analog_channels[: input_count(design, receiver_count)]
+def _pin_findings(circuit: Circuit, chip: BoardFirmware) -> Iterator[Finding]:
+    board, pins = circuit.board, circuit.switch_pins
+    if circuit.adc.separate is None:
+        pins += tuple(pin for chips in circuit.receiver_chips for pin in chips.pins)
     unported = [pin for pin in pins if pin in board.digital_pins and pin >= len(chip.pin_ports)]
-    unset = [name for name in channels if name in board.analog_channels and name not in chip.channel_mux]
+    unset = [
+        name for name in circuit.channels if name in board.analog_channels and name not in chip.channel_mux
+    ]
     yield from _unknown("board.emitter_pins", "firmware", "pin_ports", unported)
     yield from _unknown("board.receiver_channels", "firmware", "channel_mux", unset)
 
@@ -174,38 +154,40 @@ LONGEST_FRAME_MS = 2000.0
 """Longest frame without a warning: the driver waits 2.5 s for the response to a command."""
 
 
-def board_findings(
-    design: SensorDesign, board: Board, emitter_count: int, receiver_count: int
-) -> Iterator[Finding]:
+def board_findings(circuit: Circuit) -> Iterator[Finding]:
     """Findings about limits of the board that a design exceeds or nearly reaches."""
-    yield from pin_findings(design, board, emitter_count, receiver_count)
-    yield from _voltage_findings(design, board)
-    yield from _reference_findings(design, board)
+    use, board = circuit.use, circuit.board
+    yield from pin_findings(circuit)
+    yield from _voltage_findings(use, board)
+    yield from _reference_findings(use, board)
     if board.divides_clock:
-        yield from _prescaler_findings(design, board)
-        yield from _baud_findings(design, board)
-    yield from _boot_loader_findings(design, board)
+        yield from _prescaler_findings(use, board)
+        yield from _baud_findings(use, board)
+    yield from _boot_loader_findings(use, board)
     for known in board.warnings or ():
         yield warning(
-            "board.kind", known, value=design.board.kind, limit="none", way_out="see the board's notes"
+            "board.kind", known, value=circuit.use.kind, limit="none", way_out="see the board's notes"
         )
-    yield from _rate_findings(design, board, emitter_count, receiver_count)
-    yield from firmware_findings(design, board, emitter_count, receiver_count)
+    yield from _rate_findings(circuit)
+    yield from firmware_findings(circuit)
 
 
-def circuit_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
+def circuit_findings(circuit: Circuit) -> Iterator[Finding]:
     """Findings about the circuit around the board: it must light the emitters, switch them, and settle in time."""
-    sink = current_sink(design)
-    yield from _switch_findings(design, board) if sink is None else _sink_findings(design, board, sink)
-    yield from _amplifier_findings(design)
-    yield from _target_findings(design)
-    errors = list(gain_findings(design))
-    yield from errors or settling_findings(design)
+    driver, sink = circuit.led_driver, current_sink(circuit)
+    if driver is None or sink is None:
+        yield from _switch_findings(circuit)
+    else:
+        yield from _sink_findings(circuit, driver, sink)
+    yield from _amplifier_findings(circuit)
+    yield from _target_findings(circuit)
+    errors = list(gain_findings(circuit))
+    yield from errors or settling_findings(circuit)
 
 
-def _amplifier_findings(design: SensorDesign) -> Iterator[Finding]:
-    named = design.board.amplifier
-    chosen = chosen_amplifier(design, None, design.board.settle_us)
+def _amplifier_findings(circuit: Circuit) -> Iterator[Finding]:
+    named = circuit.use.amplifier
+    chosen = chosen_amplifier(circuit, None, circuit.use.settle_us)
     for one in chosen.shortfalls:
         yield (warning if named is None or "full scale" in one.meaning else error)(
             "board.kind" if named is None else "board.amplifier",
@@ -219,9 +201,9 @@ def _amplifier_findings(design: SensorDesign) -> Iterator[Finding]:
         )
 
 
-def _transistor_findings(design: SensorDesign, placed: PlacedPart) -> Iterator[Finding]:
-    named, chosen = design.board.transistor, transistor_of(design, placed.part)
-    for one in transistor_shortfalls(design, chosen.entry, placed.part):
+def _transistor_findings(circuit: Circuit, placed: PlacedPart) -> Iterator[Finding]:
+    named, chosen = circuit.use.transistor, transistor_of(circuit, placed.part)
+    for one in transistor_shortfalls(circuit, chosen.entry, placed.part):
         yield warning(
             placed.origin if named is None else "board.transistor",
             f"{chosen.entry.name} {one.meaning} of {placed.part_id}"
@@ -234,9 +216,9 @@ def _transistor_findings(design: SensorDesign, placed: PlacedPart) -> Iterator[F
         )
 
 
-def _target_findings(design: SensorDesign) -> Iterator[Finding]:
-    steps, target = 2 ** adc_bits(design), design.gain.target_counts
-    converter, given = converter_of(design), design.gain.feedback_ohm
+def _target_findings(circuit: Circuit) -> Iterator[Finding]:
+    gain, converter = circuit.design.gain, circuit.adc.separate
+    steps, target, given = 2**circuit.adc.bits, gain.target_counts, gain.feedback_ohm
     if converter is None or not isinstance(given, str) or target >= LEAST_TARGET_SHARE * steps:
         return
     yield warning(
@@ -249,9 +231,8 @@ def _target_findings(design: SensorDesign) -> Iterator[Finding]:
     )
 
 
-def _sink_findings(design: SensorDesign, board: Board, sink: CurrentSink) -> Iterator[Finding]:
-    driver, supply_v, field = driver_of(design), board.emitter_v, "board.emitters.driver"
-    assert driver is not None, "a design with a sink has a driver"
+def _sink_findings(circuit: Circuit, driver: LedDriver, sink: CurrentSink) -> Iterator[Finding]:
+    supply_v, field = circuit.board.emitter_v, driver.field
     if supply_v > driver.max_led_v:
         yield error(
             field,
@@ -268,7 +249,7 @@ def _sink_findings(design: SensorDesign, board: Board, sink: CurrentSink) -> Ite
             limit=f"at least {driver.least_output_ma.value:g} mA",
             way_out="name emitters of more current, or use transistors: remove board.emitters.driver",
         )
-    for placed in {one.part_id: one for one in cavity_of(design).emitters}.values():
+    for placed in {one.part_id: one for one in circuit.cavity.emitters}.values():
         if sink.needed_v(placed.part) > supply_v:
             yield warning(
                 placed.origin,
@@ -294,7 +275,7 @@ def _sink_findings(design: SensorDesign, board: Board, sink: CurrentSink) -> Ite
             limit=f"at most {driver.max_output_ma.value:g} mA",
             way_out="accept less light, or use transistors: remove board.emitters.driver",
         )
-    lit_us = driver.turn_on_wait_us + lit_time_us(design)
+    lit_us = driver.turn_on_wait_us + circuit.lit_ms * US_PER_MS
     if lit_us > driver.least_period_us:
         yield warning(
             field,
@@ -307,8 +288,9 @@ def _sink_findings(design: SensorDesign, board: Board, sink: CurrentSink) -> Ite
         )
 
 
-def _switch_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
-    for placed in {one.part_id: one for one in cavity_of(design).emitters}.values():
+def _switch_findings(circuit: Circuit) -> Iterator[Finding]:
+    board = circuit.board
+    for placed in {one.part_id: one for one in circuit.cavity.emitters}.values():
         switch = emitter_switch(placed.part, board)
         supply_v = board.emitter_v
         if switch.series_ohm is None:
@@ -320,8 +302,8 @@ def _switch_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
                 weight=FAILS,
                 way_out="use a higher supply for the emitters, or another part",
             )
-        yield from _transistor_findings(design, placed)
-        driver, most_ma = most_drive_ma(design, board)
+        yield from _transistor_findings(circuit, placed)
+        driver, most_ma = most_drive_ma(circuit)
         if switch.base_current_ma > most_ma:
             yield warning(
                 placed.origin,
@@ -333,8 +315,8 @@ def _switch_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
             )
 
 
-def _reference_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
-    if design.board.reference == "internal" and board.internal_reference_v is None:
+def _reference_findings(use: BoardUse, board: Board) -> Iterator[Finding]:
+    if use.reference == "internal" and board.internal_reference_v is None:
         yield error(
             "board.reference",
             f"{board.title} has no internal reference that the program can select",
@@ -344,20 +326,20 @@ def _reference_findings(design: SensorDesign, board: Board) -> Iterator[Finding]
         )
 
 
-def _voltage_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
+def _voltage_findings(use: BoardUse, board: Board) -> Iterator[Finding]:
     """Warning about a user's board whose entry gives no voltages: 5 V is assumed, which destroys a 3.3 V board."""
     if board.supply_v is None or board.logic_v is None:
         yield warning(
             "board.kind",
             "the board's entry does not give its voltages, so circuit and amplifiers are for 5 V",
-            value=design.board.kind,
+            value=use.kind,
             limit="an entry with supply_v and logic_v",
             way_out="add both to the entry; 5 V on an input of a 3.3 V board destroys it",
         )
 
 
-def _prescaler_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
-    prescaler = design.board.adc_prescaler
+def _prescaler_findings(use: BoardUse, board: Board) -> Iterator[Finding]:
+    prescaler = use.adc_prescaler
     assert board.adc_prescalers is not None
     if prescaler not in board.adc_prescalers:
         yield error(
@@ -369,8 +351,8 @@ def _prescaler_findings(design: SensorDesign, board: Board) -> Iterator[Finding]
         )
 
 
-def _baud_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
-    wanted = design.board.baud
+def _baud_findings(use: BoardUse, board: Board) -> Iterator[Finding]:
+    wanted = use.baud
     off = baud_error(board.clock_hz, wanted)
     if abs(off) <= BAUD_ERROR_WARNING:
         return
@@ -386,53 +368,53 @@ def _baud_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
     )
 
 
-def _boot_loader_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
+def _boot_loader_findings(use: BoardUse, board: Board) -> Iterator[Finding]:
     """Warning about the serial rate that many boards with native USB take as the request for their boot loader."""
-    if board.usb_bytes_per_s is not None and design.board.baud == BOOT_LOADER_BAUD:
+    if board.usb_bytes_per_s is not None and use.baud == BOOT_LOADER_BAUD:
         yield warning(
             "board.baud",
             "a port opened at this rate asks many boards with native USB to end the program and wait for an upload",
-            value=design.board.baud,
+            value=use.baud,
             limit=f"any rate but {BOOT_LOADER_BAUD}",
             way_out="leave it out: native USB has no serial rate",
         )
 
 
-def _answer_findings(takes_ms: float, design: SensorDesign, board: Board) -> Iterator[Finding]:
+def _answer_findings(circuit: Circuit, takes_ms: float) -> Iterator[Finding]:
     if takes_ms > LONGEST_FRAME_MS:
         yield warning(
-            "board.averages" if design.board.averages > 1 else "board.settle_us",
+            "board.averages" if circuit.use.averages > 1 else "board.settle_us",
             "the board obeys commands between frames, so the driver may give it up during one",
             value=f"{takes_ms / MS_PER_S:.1f} s a frame",
             limit=f"at most {LONGEST_FRAME_MS / MS_PER_S:g} s",
-            way_out=f"lower {_slow_fields(design, board)}",
+            way_out=f"lower {_slow_fields(circuit)}",
         )
 
 
-def _slow_fields(design: SensorDesign, board: Board) -> str:
+def _slow_fields(circuit: Circuit) -> str:
     """Remedy for a frame that takes too long: the fields to lower or raise."""
-    fields = ["board.averages"] if design.board.averages > 1 else []
-    fields += ["board.adc_prescaler"] if board.divides_clock else []
-    faster = "raise board.baud" if board.divides_clock else "name a faster board"
-    if converter_of(design) is not None:
-        faster = "name a faster converter in board.receivers.converter"
-    fewer = ['set board.dark = "frame"'] if design.board.dark == "each" else []
+    use, is_avr = circuit.use, circuit.board.divides_clock
+    fields = ["board.averages"] if use.averages > 1 else []
+    fields += ["board.adc_prescaler"] if is_avr else []
+    faster = "raise board.baud" if is_avr else "name a faster board"
+    if circuit.adc.separate is not None:
+        faster = f"name a faster converter in {circuit.adc.separate.field}"
+    fewer = ['set board.dark = "frame"'] if use.dark == "each" else []
     return f"{', '.join([*fields, 'board.settle_us', *fewer])}, or {faster}"
 
 
-def _rate_findings(
-    design: SensorDesign, board: Board, emitter_count: int, receiver_count: int
-) -> Iterator[Finding]:
-    if board.divides_clock and design.board.adc_prescaler <= 0:
+def _rate_findings(circuit: Circuit) -> Iterator[Finding]:
+    use = circuit.use
+    if circuit.board.divides_clock and use.adc_prescaler <= 0:
         return  # another finding covers it
-    takes = design_frame_time_ms(design, emitter_count, receiver_count, board, design.board)
-    yield from _answer_findings(takes, design, board)
-    budget = MS_PER_S / design.board.frame_rate_hz
+    takes = circuit.frame_ms
+    yield from _answer_findings(circuit, takes)
+    budget = MS_PER_S / use.frame_rate_hz
     if takes > budget:
         yield error(
             "board.frame_rate_hz",
             f"a frame takes {takes:.2f} ms, which allows {MS_PER_S / takes:.1f} frames a second",
-            value=f"{design.board.frame_rate_hz:g} Hz",
+            value=f"{use.frame_rate_hz:g} Hz",
             limit=f"a frame within {budget:.2f} ms",
-            way_out=f"lower it, {_slow_fields(design, board)}",
+            way_out=f"lower it, {_slow_fields(circuit)}",
         )

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
+from optopad.design.circuit.circuit import Circuit
 from optopad.design.errors import DesignError, ModelScopeError
 from optopad.design.fields.base import leaves
 from optopad.design.fields.finding import NO_VERDICT, OUT_OF_SCOPE, Finding, warning
@@ -26,7 +27,7 @@ from optopad.design.rules.light import (
     workspace_findings,
 )
 from optopad.design.rules.mold import housing_notes, mold_findings, reach_notes, web_findings
-from optopad.design.rules.reference import entry_findings, found_board, part_findings
+from optopad.design.rules.reference import absent_electronics, entry_findings, part_findings
 from optopad.design.rules.shape import is_spanned, shape_findings, span_findings
 from optopad.design.shape.cavity import CavityGeometry, cavity_of
 from optopad.design.spec import SensorDesign
@@ -58,16 +59,16 @@ def check(design: SensorDesign) -> tuple[Finding, ...]:
         *label_findings(design),
         *_unit_findings(design),
     ]
-    board = found_board(design)
-    if board is not None and all(counts):
-        found += board_findings(design, board, *counts)
+    circuit = Circuit.of(design) if all(counts) and not any(absent_electronics(design)) else None
+    if circuit is not None:
+        found += board_findings(circuit)
     is_placeable = not unknown and max(counts) <= MAX_PER_KIND
     if is_placeable:
         found += span_findings(design)
     if is_placeable and is_spanned(design):
         found += tolerance_findings(design)
         found += _geometry_findings(design, counts)
-        found += circuit_findings(design, board) if board is not None and all(counts) else ()
+        found += circuit_findings(circuit) if circuit is not None else ()
     return by_weight(found)
 
 

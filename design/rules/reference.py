@@ -7,12 +7,14 @@ spelling mistake does not hide other errors.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import partial
 
 from optopad.design.errors import DesignError
 from optopad.design.fields.base import nearest
 from optopad.design.fields.finding import Finding, error
 from optopad.design.parts import catalog
-from optopad.design.parts.catalog import Board, CatalogEntries
+from optopad.design.parts.catalog import CatalogEntries
+from optopad.design.parts.circuits import EMITTER_CHIPS, RECEIVER_CHIPS, BoardChip, named_chip
 from optopad.design.shape.cavity import part_field
 from optopad.design.spec import SensorDesign
 from optopad.design.spec.layout import Kind, Placement
@@ -37,27 +39,22 @@ def entry_findings(design: SensorDesign) -> Iterator[Finding]:
     )
 
 
-def found_board(design: SensorDesign) -> Board | None:
-    """Catalogue entry of the design's board; None if it, or another chip of the design, is not in the catalogue."""
-    if any(_absent(design, *_electronics(design))):
-        return None
-    return entries_of(design).boards[design.board.kind]
+def absent_electronics(design: SensorDesign) -> Iterator[Finding]:
+    """Errors about a board and chips that do not exist in the catalogue."""
+    yield from _absent(design, *_electronics(design))
 
 
 def _electronics(design: SensorDesign) -> Iterator[Named]:
     use = design.board
     yield "board.kind", catalog.find_board, use.kind
-    circuits: dict[str, Callable[[CatalogEntries, str], object]] = {
-        "receivers.multiplexer": catalog.find_multiplexer,
-        "receivers.converter": catalog.find_converter,
-        "emitters.shift_register": catalog.find_shift_register,
-        "emitters.driver": catalog.find_led_driver,
-    }
-    for field, look_up in circuits.items():
-        side, _, circuit = field.partition(".")
-        name = getattr(getattr(use, side), circuit, None)
+    for kind in (*RECEIVER_CHIPS, *EMITTER_CHIPS):
+        name = named_chip(use, kind)
         if name is not None:
-            yield f"board.{field}", look_up, name
+            yield kind.field, partial(_chip, kind), name
+
+
+def _chip(kind: type[BoardChip], entries: CatalogEntries, name: str) -> object:
+    return catalog.find_chip(entries, kind, name)
 
 
 def _absent(design: SensorDesign, *names: Named) -> Iterator[Finding]:

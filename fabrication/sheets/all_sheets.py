@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from optopad.design.circuit.circuit import Circuit
 from optopad.design.io import write_text_atomically
 from optopad.design.spec import SensorDesign
 from optopad.fabrication.connections import Connection, connections_of
@@ -41,7 +42,7 @@ def wiring_csv(design: SensorDesign) -> str:
     ------
     DesignError : the catalogue does not have a part, or the board does not have a pin.
     """
-    return csv_text(COLUMNS, (_cells(one) for one in connections_of(design).all))
+    return csv_text(COLUMNS, (_cells(one) for one in connections_of(Circuit.of(design)).all))
 
 
 def _cells(one: Connection) -> Sequence[Cell]:

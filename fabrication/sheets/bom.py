@@ -12,6 +12,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
+from optopad.design.circuit.circuit import Chips, Circuit
 from optopad.design.circuit.emitter_switch import (
     CurrentSink,
     EmitterSwitch,
@@ -20,22 +21,12 @@ from optopad.design.circuit.emitter_switch import (
     most_drive_ma,
     transistor_of,
 )
-from optopad.design.circuit.pins import (
-    amplifier_v,
-    board_of,
-    converter_of,
-    driver_of,
-    full_scale_v,
-    multiplexer_of,
-    shift_register_of,
-)
 from optopad.design.circuit.transimpedance import Feedback, settle_words
 from optopad.design.mold.filling import is_cast_under_lid
 from optopad.design.mold.outline import outline_of
 from optopad.design.parts.assumptions import assumption, ohm_text
 from optopad.design.parts.catalog import (
     Board,
-    Chip,
     Converter,
     Cost,
     LedDriver,
@@ -44,7 +35,7 @@ from optopad.design.parts.catalog import (
     find_mold_material,
 )
 from optopad.design.parts.orders import order_of
-from optopad.design.shape.cavity import PlacedPart, cavity_of, plan_of
+from optopad.design.shape.cavity import PlacedPart, plan_of
 from optopad.design.spec import SensorDesign
 from optopad.design.spec.properties import elastomer_of, entries_of
 from optopad.fabrication.gain import SimulatedGain, feedbacks_for
@@ -134,14 +125,15 @@ def bom_rows(
     gain : simulated gain from light to counts; if None, values that depend on it are not given
     mold_mm3 : volume of the mold's solid; if None, the mold's weight is not given
     """
-    cavity, board = cavity_of(design), board_of(design)
+    circuit = Circuit.of(design)
+    cavity, board = circuit.cavity, circuit.board
     return (
         *_part_rows(cavity.emitters),
         *_part_rows(cavity.receivers),
         _ordered(BomRow(item=board.title, catalogue_id=design.board.kind, quantity=1)),
-        *_switch_rows(design, cavity.emitters, board),
-        *_amplifier_rows(design, cavity.receivers, gain),
-        *_circuit_rows(design),
+        *_switch_rows(circuit),
+        *_amplifier_rows(circuit, gain),
+        *_circuit_rows(circuit),
         _header_row(cavity.parts),
         *_wire_rows(cavity.parts),
         *_silicone_rows(design),
@@ -207,13 +199,14 @@ def _part_rows(placed: Sequence[PlacedPart]) -> Iterator[BomRow]:
         yield _ordered(row)
 
 
-def _switch_rows(design: SensorDesign, emitters: Sequence[PlacedPart], board: Board) -> Iterator[BomRow]:
-    driver, sink = driver_of(design), current_sink(design)
+def _switch_rows(circuit: Circuit) -> Iterator[BomRow]:
+    driver, sink = circuit.led_driver, current_sink(circuit)
     if driver is not None and sink is not None:
-        yield from _driver_rows(driver, sink, len(emitters))
+        yield from _driver_rows(driver, sink, circuit.emitter_chips[0].names)
         return
-    for part, names in _by_entry(emitters):
-        switch, transistor = emitter_switch(part.part, board), transistor_of(design, part.part)
+    board = circuit.board
+    for part, names in _by_entry(circuit.cavity.emitters):
+        switch, transistor = emitter_switch(part.part, board), transistor_of(circuit, part.part)
         row = BomRow(
             item=transistor.entry.title,
             catalogue_id=transistor.transistor_id,
@@ -224,7 +217,7 @@ def _switch_rows(design: SensorDesign, emitters: Sequence[PlacedPart], board: Bo
         )
         yield _ordered(row)
         yield _resistor_row(
-            "base resistor", "RB", names, switch.base_ohm, _base_note(switch, *most_drive_ma(design, board))
+            "base resistor", "RB", names, switch.base_ohm, _base_note(switch, *most_drive_ma(circuit))
         )
         yield _resistor_row(
             "series resistor",
@@ -253,9 +246,8 @@ def _resistor_row(
     return row if ohm is None else _ordered(row, *kinds, value=ohm, power_mw=power_mw)
 
 
-def _driver_rows(driver: LedDriver, sink: CurrentSink, emitter_count: int) -> Iterator[BomRow]:
+def _driver_rows(driver: LedDriver, sink: CurrentSink, names: tuple[str, ...]) -> Iterator[BomRow]:
     """Items for LED drivers: their reference resistors, and a resistor that keeps outputs off until firmware starts."""
-    names = tuple(f"L{number + 1}" for number in range(driver.needed(emitter_count)))
     formula = f"{driver.current_ratio:g} x {driver.reference_v:g} V / current"
     note = (
         f"IREF of each {driver.name} to ground: {sink.current_ma:.1f} mA at each output by {formula}; "
@@ -266,37 +258,35 @@ def _driver_rows(driver: LedDriver, sink: CurrentSink, emitter_count: int) -> It
     yield _resistor_row("pull-up resistor", "RP", names[:1], PULL_UP_OHM, off)
 
 
-def _amplifier_rows(
-    design: SensorDesign, receivers: Sequence[PlacedPart], gain: SimulatedGain | None
-) -> Iterator[BomRow]:
-    names = tuple(part.name for part in receivers)
-    feedbacks = feedbacks_for(design, gain)
-    amplifier_id = design.board.amplifier if feedbacks is None else feedbacks[0].amplifier_id
+def _amplifier_rows(circuit: Circuit, gain: SimulatedGain | None) -> Iterator[BomRow]:
+    names = tuple(part.name for part in circuit.cavity.receivers)
+    feedbacks = feedbacks_for(circuit, gain)
+    amplifier_id = circuit.use.amplifier if feedbacks is None else feedbacks[0].amplifier_id
     if amplifier_id is None:
         yield BomRow(
             item="transimpedance amplifier",
             quantity=len(names),
             references=_marked(names, "A"),
-            value=f"single supply of {amplifier_v(design):g} V; type {SET_BY_GAIN}",
+            value=f"single supply of {circuit.adc.supply_v:g} V; type {SET_BY_GAIN}",
             note="output to the receiver's channel; `optopad run` chooses the type",
         )
         yield _supply_capacitors(names, "ceramic, next to each amplifier's supply pins; one per package")
     else:
-        yield from _package_rows(design, names, amplifier_id)
+        yield from _package_rows(circuit, names, amplifier_id)
     if feedbacks is None:
-        yield from _open_feedback_rows(design, names)
+        yield from _open_feedback_rows(circuit, names)
         return
     for ohm in dict.fromkeys(one.standard_ohm for one in feedbacks):
         same = [name for name, one in zip(names, feedbacks, strict=True) if one.standard_ohm == ohm]
         note = "depends on the emitters' power; see casting.md, last section"
         yield _resistor_row("feedback resistor", "RF", same, ohm, note)
     for capacitor_pf in dict.fromkeys(one.capacitor_pf for one in feedbacks):
-        yield _capacitor_row(design, names, feedbacks, capacitor_pf)
+        yield _capacitor_row(circuit, names, feedbacks, capacitor_pf)
 
 
-def _package_rows(design: SensorDesign, names: tuple[str, ...], amplifier_id: str) -> Iterator[BomRow]:
+def _package_rows(circuit: Circuit, names: tuple[str, ...], amplifier_id: str) -> Iterator[BomRow]:
     """Items for the amplifiers: their packages, with the receivers of each, and supply capacitors."""
-    entry = find_amplifier(entries_of(design), amplifier_id)
+    entry = find_amplifier(circuit.entries, amplifier_id)
     packages = tuple(f"A{number + 1}" for number in range(entry.needed(len(names))))
     served = (
         f"{package}: {' '.join(_marked(names[place * entry.channels :][: entry.channels], 'A'))}"
@@ -307,7 +297,7 @@ def _package_rows(design: SensorDesign, names: tuple[str, ...], amplifier_id: st
         catalogue_id=amplifier_id,
         quantity=len(packages),
         references=packages,
-        value=f"single supply of {amplifier_v(design):g} V",
+        value=f"single supply of {circuit.adc.supply_v:g} V",
         note=" ".join((f"{'; '.join(served)}; outputs to the receivers' channels.", *entry.notes)),
     )
     yield _ordered(row)
@@ -315,7 +305,7 @@ def _package_rows(design: SensorDesign, names: tuple[str, ...], amplifier_id: st
 
 
 def _capacitor_row(
-    design: SensorDesign, names: Sequence[str], feedbacks: Sequence[Feedback], capacitor_pf: float
+    circuit: Circuit, names: Sequence[str], feedbacks: Sequence[Feedback], capacitor_pf: float
 ) -> BomRow:
     same = [
         (name, one) for name, one in zip(names, feedbacks, strict=True) if one.capacitor_pf == capacitor_pf
@@ -327,21 +317,20 @@ def _capacitor_row(
         quantity=len(same),
         references=_marked([name for name, _ in same], "CF"),
         value=f"{capacitor_pf:g} pF",
-        note=f"settles within {settle_words(design)}" if in_time else late,
+        note=f"settles within {settle_words(circuit)}" if in_time else late,
     )
     return _ordered(row, "tiny-capacitor", "small-capacitor", "capacitor", value=capacitor_pf)
 
 
-def _open_feedback_rows(design: SensorDesign, names: Sequence[str]) -> Iterator[BomRow]:
-    rule = (
-        f"so that the median judged pair reads {design.gain.target_counts:g} counts untouched, and none clips"
-    )
+def _open_feedback_rows(circuit: Circuit, names: Sequence[str]) -> Iterator[BomRow]:
+    target = circuit.design.gain.target_counts
+    rule = f"so that the median judged pair reads {target:g} counts untouched, and none clips"
     for item, mark, note in (
         ("feedback resistor", "RF", f"{rule}; see casting.md, last section"),
         (
             "feedback capacitor",
             "CF",
-            f"with RF it must settle within {settle_words(design)}",
+            f"with RF it must settle within {settle_words(circuit)}",
         ),
     ):
         yield BomRow(
@@ -349,59 +338,44 @@ def _open_feedback_rows(design: SensorDesign, names: Sequence[str]) -> Iterator[
         )
 
 
-def _circuit_rows(design: SensorDesign) -> Iterator[BomRow]:
-    cavity, use = cavity_of(design), design.board
-    register, entry = shift_register_of(design), multiplexer_of(design)
-    driver, converter = driver_of(design), converter_of(design)
-    emitters, receivers = len(cavity.emitters), len(cavity.receivers)
-    if register is not None and use.emitters is not None:
-        yield from _chip_rows(design, register, use.emitters.shift_register, "S", register.needed(emitters))
-    if driver is not None and use.emitters is not None:
-        yield from _chip_rows(design, driver, use.emitters.driver, "L", driver.needed(emitters))
-    if entry is not None and use.receivers is not None:
-        yield from _chip_rows(design, entry, use.receivers.multiplexer, "M", entry.needed(receivers))
-    if converter is not None and use.receivers is not None:
-        yield from _chip_rows(design, converter, use.receivers.converter, "U", converter.needed(receivers))
+def _circuit_rows(circuit: Circuit) -> Iterator[BomRow]:
+    for chips in circuit.chips:
+        entry = chips.entry
+        row = BomRow(
+            item=entry.title,
+            catalogue_id=chips.chip_id,
+            quantity=chips.count,
+            references=chips.names,
+            value=_supply_words(circuit, chips),
+            note=" ".join(entry.notes),
+        )
+        yield _ordered(row)
+        yield _supply_capacitors(chips.names, "ceramic, next to the supply pins of each")
+        if isinstance(entry, Converter) and entry.has_own_logic:
+            logic = entry.family.pin_at("{level}")
+            yield _small(
+                "supply capacitor", "CD", "100 nF", chips.names, f"ceramic, {logic} to ground of each"
+            )
+        for item, mark, value, note, _ in entry.family.components:
+            yield _small(item, mark, value, chips.names, note)
 
 
-def _chip_rows(
-    design: SensorDesign, entry: Chip, part_id: str | None, letter: str, count: int
-) -> Iterator[BomRow]:
-    names, board = tuple(f"{letter}{number + 1}" for number in range(count)), board_of(design)
-    supply = f"supply {board.pin_v:g} V"
-    if isinstance(entry, Converter):
-        supply += f", full scale {full_scale_v(design):g} V"
-        if entry.has_own_logic:
-            supply = f"AVDD {entry.analog_v(board):g} V, DVDD {board.pin_v:g} V, full scale {full_scale_v(design):g} V"
-    row = BomRow(
-        item=entry.title,
-        catalogue_id=part_id or "",
-        quantity=count,
-        references=names,
-        value=supply,
-        note=" ".join(entry.notes),
-    )
-    yield _ordered(row)
-    yield _supply_capacitors(names, "ceramic, next to the supply pins of each")
-    if isinstance(entry, Converter) and entry.has_own_logic:
-        yield from _own_logic_rows(names)
-
-
-def _own_logic_rows(names: tuple[str, ...]) -> Iterator[BomRow]:
-    """Items for converters: capacitors of their digital supply and of their internal reference."""
-    for item, mark, value, pins in (
-        ("supply capacitor", "CD", "100 nF", "DVDD to ground"),
-        ("reference capacitor", "CR", "10 uF", "REFIO to ground"),
-        ("reference capacitor", "CB", "10 uF", "REFCAP to ground"),
-    ):
-        yield _ceramic(item, mark, value, names, f"ceramic, {pins} of each")
+def _supply_words(circuit: Circuit, chips: Chips) -> str:
+    entry, level_v = chips.entry, circuit.board.pin_v
+    if not isinstance(entry, Converter):
+        return f"supply {level_v:g} V"
+    supply, full_scale = f"supply {level_v:g} V", f"full scale {circuit.adc.full_scale_v:g} V"
+    if entry.has_own_logic:
+        analog, logic = (entry.family.pin_at(net) for net in ("{analog}", "{level}"))
+        supply = f"{analog} {circuit.adc.supply_v:g} V, {logic} {level_v:g} V"
+    return f"{supply}, {full_scale}"
 
 
 def _supply_capacitors(names: tuple[str, ...], note: str) -> BomRow:
-    return _ceramic("supply capacitor", "CS", "100 nF", names, note)
+    return _small("supply capacitor", "CS", "100 nF", names, note)
 
 
-def _ceramic(item: str, mark: str, value: str, names: tuple[str, ...], note: str) -> BomRow:
+def _small(item: str, mark: str, value: str, names: tuple[str, ...], note: str) -> BomRow:
     row = BomRow(item=item, quantity=len(names), references=_marked(names, mark), value=value, note=note)
     return _ordered(row, item.replace(" ", "-"))
 

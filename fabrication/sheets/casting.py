@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from optopad.design.circuit.circuit import Circuit
 from optopad.design.circuit.emitter_switch import current_sink, emitter_switch, most_drive_ma
-from optopad.design.circuit.pins import board_of, driver_of
 from optopad.design.circuit.transimpedance import Feedback, counts_per_flux_per_ohm, settling_findings
 from optopad.design.mold.filling import is_cast_under_lid
 from optopad.design.mold.outline import outline_of
@@ -62,8 +62,8 @@ def casting_md(
         "bought": [row for row in rows if row.is_bought],
         "total": bill_sum(rows),
         **_casting(design),
-        **_emitters(design, gain),
-        **_gain(design, gain),
+        **_emitters(Circuit.of(design), gain),
+        **_gain(Circuit.of(design), gain),
     }
     return filled("optopad.fabrication.sheets", "casting.md.j2", values).rstrip() + "\n"
 
@@ -106,36 +106,36 @@ def _kinds(design: SensorDesign, parts: Sequence[PlacedPart]) -> list[dict[str, 
             "names": " ".join(part.name for part in same),
             "fit": fit_name(design.mold, part_id),
             "clearance_mm": clearance_mm(design.mold, part_id),
-            "polarity": polarity_of(same[0], design),
+            "polarity": polarity_of(same[0], Circuit.of(design)),
         }
         for (part_id, _), same in groups.items()
     ]
 
 
-def _emitters(design: SensorDesign, gain: SimulatedGain | None) -> dict[str, Any]:
-    board, current = board_of(design), current_of(design, gain)
-    pin, most_pin_ma = most_drive_ma(design, board)
+def _emitters(circuit: Circuit, gain: SimulatedGain | None) -> dict[str, Any]:
+    current = current_of(circuit, gain)
+    pin, most_pin_ma = most_drive_ma(circuit)
     return {
-        "sink": current_sink(design),
-        "driver": driver_of(design),
-        "switches": {one.part_id: emitter_switch(one.part, board) for one in cavity_of(design).emitters},
+        "sink": current_sink(circuit),
+        "driver": circuit.led_driver,
+        "switches": {one.part_id: emitter_switch(one.part, circuit.board) for one in circuit.cavity.emitters},
         "pin": pin,
         "most_pin_ma": most_pin_ma,
         "current": current,
         "amplifiers": f"{amplifiers_ma(current)}{'' if current.is_amplifier_known else '*'}",
-        "supply": supply_words(design),
+        "supply": supply_words(circuit),
     }
 
 
-def _gain(design: SensorDesign, gain: SimulatedGain | None) -> dict[str, Any]:
-    cavity, feedbacks = cavity_of(design), feedbacks_for(design, gain)
+def _gain(circuit: Circuit, gain: SimulatedGain | None) -> dict[str, Any]:
+    design, cavity, feedbacks = circuit.design, circuit.cavity, feedbacks_for(circuit, gain)
     alike: dict[tuple[str, ...], list[str]] = {}
     for part, one in zip(cavity.receivers, feedbacks or (), strict=feedbacks is not None):
         alike.setdefault(_fitted(one), []).append(part.name)
     return {
         "feedbacks": None if feedbacks is None else alike,
-        "per_ohm": counts_per_flux_per_ohm(design),
-        "settling": list(settling_findings(design, None if gain is None else gain.counts_per_flux)),
+        "per_ohm": counts_per_flux_per_ohm(circuit),
+        "settling": list(settling_findings(circuit, None if gain is None else gain.counts_per_flux)),
         "is_facing_rows": bool(facing_pairs(cavity)),
         "clipped": None if gain is None else clipped_pairs(design, gain),
         "pair_count": len(cavity.emitters) * len(cavity.receivers),

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from optopad.design.circuit.circuit import Circuit
 from optopad.design.mold.outline import MoldOutline, outline_of
 from optopad.design.mold.sockets import Cut, Socket, lead_setback_mm
 from optopad.design.spec import SensorDesign
@@ -162,7 +163,7 @@ def _words(design: SensorDesign, group: Sequence[Socket]) -> list[str]:
         f"body on the floor of its pocket, base at {number(part.body_base_mm)}, top at {number(part.body_top_mm)}",
         f"fit: {fit_name(design.mold, part.part_id)}, {number(room)} at each side",
         leads,
-        *_wrapped(polarity_of(part, design)),
+        *_wrapped(polarity_of(part, Circuit.of(design))),
     ]
 
 

@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from optopad.design.circuit.circuit import Circuit
 from optopad.design.mold.outline import MoldOutline, outline_of
 from optopad.design.mold.sockets import Socket
 from optopad.design.shape.cavity import TURN_RAD, PlacedPart, Plan, workspace_of
@@ -53,7 +54,7 @@ def legend_lines(design: SensorDesign, connections: Sequence[Connection]) -> lis
         *lines,
         ("workspace", f"workspace of press centres: {_space_words(workspace)}"),
         ("origin", f"origin of x and y: {_origin_words(outline.plan)}"),
-        ("", f"labels: reference, pin ({pin_words(design)}), {_places_words(connections)}"),
+        ("", f"labels: reference, pin ({pin_words(Circuit.of(design))}), {_places_words(connections)}"),
         ("", f"mold outside {size_words(outline.outer, ' mm')}"),
     ]
 
@@ -172,7 +173,7 @@ def wiring_svg(design: SensorDesign) -> str:
     ------
     DesignError : the catalogue does not have a part, or the board does not have a pin.
     """
-    connections = connections_of(design).all
+    connections = connections_of(Circuit.of(design)).all
     sheet = _sheet(outline_of(design), connections)
     lines = legend_lines(design, connections)
     legend_top = sheet.low_corner[1] + LEADER_PX + LABEL_LINES * LINE_PX + MARGIN_PX

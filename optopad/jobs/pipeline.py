@@ -432,6 +432,7 @@ def _write_fabrication(
     prices: Mapping[PriceKey, Price] | None = None,
 ) -> tuple[BomRow, ...]:
     """Write sheets and firmware; return the rows of the bill of materials."""
+    from optopad.design.circuit.circuit import Circuit
     from optopad.fabrication.sheets.all_sheets import write_sheets
     from optopad.fabrication.sheets.bom import bom_rows
     from optopad.fabrication.sheets.prices import priced
@@ -440,7 +441,7 @@ def _write_fabrication(
     rows = priced(bom_rows(design, gain, mold_mm3), prices or {})
     (folder / "fabrication").mkdir(exist_ok=True)
     write_sheets(design, folder / "fabrication", gain, rows)
-    if not firmware_gaps(design):  # a board that cannot be programmed has its warning
+    if not firmware_gaps(Circuit.of(design)):  # a board that cannot be programmed has its warning
         write_sketch(design, folder / "fabrication" / "firmware")
     return rows
 

@@ -32,14 +32,14 @@ def _block(one: SyntaxTreeNode) -> Markup:
 
 
 def _rendered(one: SyntaxTreeNode) -> Markup:
-    """Text as HTML; what follows a full stop or a colon at the end of a line starts a new line."""
+    """Text as HTML; what follows a full stop or a colon at the end of a line starts a new paragraph."""
     tokens = one.to_tokens()
     for token in tokens:
         if token.type.startswith("heading"):
             token.tag = f"h{min(int(token.tag[1:]) + 1, DEEPEST_HEADING)}"
         for before, child in pairwise(token.children or []):
-            if child.type == "softbreak" and before.content.endswith((".", ":")):
-                child.type = "hardbreak"
+            if one.type == "paragraph" and child.type == "softbreak" and before.content.endswith((".", ":")):
+                child.type, child.content = "html_inline", "</p>\n<p>"
     return Markup(_PARSER.renderer.render(tokens, _PARSER.options, {}))
 
 

@@ -7,7 +7,8 @@ import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from optopad.design.circuit.pins import board_of, faster_boards, frame_rate_hz
+from optopad.design.circuit.circuit import Circuit
+from optopad.design.circuit.pin_rules import faster_boards
 from optopad.design.fields.finding import OUT_OF_SCOPE
 from optopad.design.spec import SensorDesign
 from optopad.screen.answer import COMMAND, FINDING_LINES, LINES, Answer, counted, labelled, row
@@ -89,14 +90,14 @@ def _how_to_predict(design: SensorDesign) -> str:
 
 def rate_words(design: SensorDesign) -> str:
     """Sentence on the board's possible frame rate, the required rate, and changes that raise the possible rate."""
-    use, board = design.board, board_of(design)
-    ways = []
-    if board.divides_clock and use.adc_prescaler > EIGHT_BIT_PRESCALER:
-        faster = frame_rate_hz(design, adc_prescaler=EIGHT_BIT_PRESCALER)
+    circuit = Circuit.of(design)
+    use, ways = circuit.use, []
+    if circuit.board.divides_clock and use.adc_prescaler > EIGHT_BIT_PRESCALER:
+        faster = circuit.with_use(adc_prescaler=EIGHT_BIT_PRESCALER).frame_rate_hz
         ways.append(f"{faster:.0f} with board.adc_prescaler = {EIGHT_BIT_PRESCALER}, at about 8 bits")
-    if boards := faster_boards(design):
+    if boards := faster_boards(circuit):
         ways.append(f'{boards[0][1]:.0f} with board.kind = "{boards[0][0]}"')
-    can = f"{frame_rate_hz(design):.0f} frames a second by the timing model, {use.frame_rate_hz:g} required"
+    can = f"{circuit.frame_rate_hz:.0f} frames a second by the timing model, {use.frame_rate_hz:g} required"
     return "; ".join([can, *ways])
 
 

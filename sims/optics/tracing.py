@@ -29,7 +29,7 @@ from optopad.sims.optics.engine.untouched import untouched_pad
 from optopad.sims.optics.light_signals import LightSignals
 from optopad.sims.optics.scene.lower import scene_of
 from optopad.sims.optics.scene.optical_scene import OpticalScene, SmoothField, smooth_field, sum_of_fields
-from optopad.sims.optics.scene.symmetry import StateClasses, each_its_own, state_classes
+from optopad.sims.optics.scene.symmetry import StateClasses, state_classes
 from optopad.sims.optics.surface.tops import TopStack
 from optopad.sims.press import Indentation
 
@@ -46,22 +46,6 @@ FIELD_STEP, FIELD_FINER = 1.0 / 4.0, 2
 """Largest distance between nodes of the smooth field that a press adds to the top [tip radii], and number of height
 samples per distance. On flat presets pressed by a tip radius or more, the field's heights are off by 0.12 µm rms and
 its slopes by 1.0e-3 rms at most, even within a third of a millimetre of the walls, where both vary fastest."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class PressedTops:
-    """The pressed tops for a list of states, as the light trace takes them.
-
-    Attributes
-    ----------
-    classes : groups of states with equal light, by symmetry; the other attributes have one entry per group
-    near : for each group and tip, the surface curve around the tip's axis; None where the tip does not touch
-    fields : for each group, the smooth height that is added to the curves; None where nothing is added
-    """
-
-    classes: StateClasses
-    near: Tips
-    fields: list[SmoothField | None]
 
 
 def trace(
@@ -215,27 +199,6 @@ def _trace_each(
 
 def _nothing(_number: int) -> None:
     """Piece of work that does nothing."""
-
-
-def pressed_tops(design: SensorDesign, presses: FloatArray, *, by_symmetry: bool = True) -> PressedTops:
-    """Pressed surfaces for a list of presses, computed by the contact model at each location.
-
-    Parameters
-    ----------
-    design : the sensor
-    presses : as for `trace`; the heights of several tips are added
-    by_symmetry : whether states that are equal by a symmetry of the layout share one top; if False, each has its own
-
-    Raises
-    ------
-    InputError : presses have a wrong shape or are not finite.
-    ModelScopeError : the contact model does not cover a press.
-    """
-    tips, scene = _tips(presses), scene_of(design)
-    classes = _classes(scene, tips) if by_symmetry else each_its_own(scene, len(tips))
-    traced = tips[classes.first]
-    near, fields = _made(design, scene, traced)
-    return PressedTops(classes=classes, near=near, fields=fields)
 
 
 def _classes(scene: OpticalScene, tips: FloatArray) -> StateClasses:

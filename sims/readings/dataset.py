@@ -200,9 +200,9 @@ def _require_possible(
 
 
 def _design_scale(design: SensorDesign | None) -> float | None:
-    from optopad.design.circuit.pins import adc_bits
+    from optopad.design.circuit.circuit import Circuit
 
-    return None if design is None else 2.0 ** adc_bits(design) - 1.0
+    return None if design is None else 2.0 ** Circuit.of(design).adc.bits - 1.0
 
 
 def full_scale_of(found: xr.Dataset, file: Path) -> float | None:

@@ -115,9 +115,9 @@ def counts_factor(found: xr.Dataset, design: SensorDesign | None) -> float:
                 "converter of the design: name the design, with --design on the command line"
             )
         return factor * _counts_per_volt(design)
-    from optopad.design.circuit.pins import full_scale_v
+    from optopad.design.circuit.circuit import Circuit
 
-    highest = HIGHEST_V if design is None else full_scale_v(design)
+    highest = HIGHEST_V if design is None else Circuit.of(design).adc.full_scale_v
     if array.dtype.kind == "f" and array.size:
         low, high = float(array.min()), float(array.max())
         values = array.values.reshape(-1)[:: max(array.size // MOST_SAMPLES, 1)]
@@ -322,6 +322,7 @@ def _require_in_the_cavity(location_mm: FloatArray, design: SensorDesign | None)
 
 def _counts_per_volt(design: SensorDesign) -> float:
     """Counts per volt of the board's converter [counts/V]."""
-    from optopad.design.circuit.pins import adc_bits, full_scale_v
+    from optopad.design.circuit.circuit import Circuit
 
-    return float(2 ** adc_bits(design) / full_scale_v(design))
+    adc = Circuit.of(design).adc
+    return float(2**adc.bits / adc.full_scale_v)

@@ -25,7 +25,7 @@ import numpy as np
 import xarray as xr
 
 from optopad.design.arrays import BoolArray, FloatArray
-from optopad.design.circuit.pins import adc_bits, amplifier_v, full_scale_v
+from optopad.design.circuit.circuit import Circuit
 from optopad.design.circuit.transimpedance import fitted_counts_per_flux
 from optopad.design.errors import ModelScopeError
 from optopad.design.files import whole_file
@@ -104,7 +104,7 @@ def readout_of(design: SensorDesign, untouched_flux: FloatArray, reference: Bool
         common = _gain_to_target(design, untouched_flux[reference], "the median judged pair receives")
         return Readout(counts_per_flux=common, full_scale_counts=full_scale)
     by_rule = feedback == "each"
-    each = _each(design, untouched_flux, reference) if by_rule else fitted_counts_per_flux(design)
+    each = _each(design, untouched_flux, reference) if by_rule else fitted_counts_per_flux(Circuit.of(design))
     return Readout(counts_per_flux=float(np.median(each)), full_scale_counts=full_scale, by_receiver=each)
 
 
@@ -148,8 +148,9 @@ def _gain_to_target(design: SensorDesign, flux: FloatArray, subject: str) -> flo
 
 def full_scale_counts(design: SensorDesign) -> float:
     """Largest reading [counts]: the converter's full scale, or less if the amplifiers' supply voltage is below it."""
-    steps = 2 ** adc_bits(design)
-    return float(min(steps - 1, math.floor(steps * amplifier_v(design) / full_scale_v(design))))
+    adc = Circuit.of(design).adc
+    steps = 2**adc.bits
+    return float(min(steps - 1, math.floor(steps * adc.supply_v / adc.full_scale_v)))
 
 
 COMPRESSION = {"zlib": True, "complevel": 4}

@@ -14,7 +14,7 @@ For emitter e and receiver r, in a frame that begins at t, with flux F (share of
 
 States follow one another as on the board. Each emitter is lit alone. All are off either once at the end, or before and
 after each emitter; then the mean of both is subtracted (`optopad.design.recordings.with_one_dark`). In each state the
-receivers are read one after another (`optopad.design.circuit.pins`). Readings of a pair and of its dark states have
+receivers are read one after another (`optopad.design.circuit.circuit`). Readings of a pair and of its dark states have
 different times, so part of the ambient light's flicker remains when the dark state is subtracted.
 
 Left out: settling of amplifiers (the firmware waits for it), crosstalk between the converter's inputs, the finger's
@@ -69,22 +69,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optopad.design.arrays import BoolArray, FloatArray
+from optopad.design.circuit.circuit import Circuit
 from optopad.design.circuit.emitter_switch import current_sink
-from optopad.design.circuit.pins import (
-    MS_PER_S,
-    US_PER_S,
-    adc_bits,
-    board_of,
-    converter_of,
-    driver_of,
-    full_scale_v,
-    multiplexer_of,
-    reading_time_ms,
-    receiver_paths,
-    shift_register_of,
-    state_count,
-    switch_time_ms,
-)
+from optopad.design.circuit.link import MS_PER_S, US_PER_S
 from optopad.design.circuit.transimpedance import emitted_mw, feedbacks_of, responsivity_at
 from optopad.design.errors import ModelScopeError
 from optopad.design.recordings import lit_emitters, nearest_dark_states, with_one_dark
@@ -181,14 +168,15 @@ UNKNOWN_FEEDBACK_PF = 22.0
 
 def shot_variance_per_count(design: SensorDesign, readout: Readout) -> FloatArray:
     """Variance of the shot noise divided by the reading (receiver,) [counts]; the design's value if it has one."""
-    count = len(cavity_of(design).receivers)
+    circuit = Circuit.of(design)
+    count = circuit.receiver_count
     if design.noise.shot_variance_per_count is not None:
         return np.full(count, design.noise.shot_variance_per_count / design.board.averages)
-    feedbacks = feedbacks_of(design, readout.of_each(count))
+    feedbacks = feedbacks_of(circuit, readout.of_each(count))
     capacitors = (
         [UNKNOWN_FEEDBACK_PF] * count if feedbacks is None else [one.capacitor_pf for one in feedbacks]
     )
-    step_v = full_scale_v(design) / 2 ** adc_bits(design)
+    step_v = circuit.adc.full_scale_v / 2**circuit.adc.bits
     of_reading = ELECTRON_C / (2.0 * np.array(capacitors) * F_PER_PF * step_v)
     return np.asarray(of_reading / design.board.averages)
 
@@ -199,8 +187,8 @@ def relative_power(design: SensorDesign) -> FloatArray:
     It is 1 if all emitters are the same part, or if the power of any emitter is unknown. A readout's gains are for the
     mean emitter.
     """
-    cavity = cavity_of(design)
-    board, sink = board_of(design), current_sink(design)
+    circuit = Circuit.of(design)
+    cavity, board, sink = circuit.cavity, circuit.board, current_sink(circuit)
     powers = [emitted_mw(one.part, board, sink) for one in cavity.emitters]
     colours = [one.part.wavelength_nm for one in cavity.emitters]
     shape = (len(cavity.emitters), len(cavity.receivers))
@@ -392,19 +380,16 @@ def reading_times_s(design: SensorDesign) -> FloatArray:
     The times include the multiplexers' settling before the first reading at an address, and the transfer of data to LED
     drivers before they light.
     """
-    emitters = len(cavity_of(design).emitters)
-    states = state_count(emitters, design.board.dark)
-    addresses = np.array([path.address or 0 for path in receiver_paths(design)])
-    multiplexer = multiplexer_of(design)
-    wait_s = 0.0 if multiplexer is None else multiplexer.settle_us.value / US_PER_S
-    conversion_ms = reading_time_ms(board_of(design), design.board, converter_of(design))
-    value_s = design.board.averages * conversion_ms / MS_PER_S
+    circuit = Circuit.of(design)
+    addresses = np.array(
+        [path.terminal or 0 for path in circuit.receivers]
+    )  # wait_s is 0 without multiplexers
+    wait_s = circuit.address_settle_us / US_PER_S
+    value_s = circuit.use.averages * circuit.adc.reading_ms / MS_PER_S
     within_s = np.arange(len(addresses)) * value_s + (addresses + 1) * wait_s
-    driver = driver_of(design) or shift_register_of(design)
-    switch_s = switch_time_ms(driver, emitters, design.board.dark) / MS_PER_S
-    settle_s = design.board.settle_us / US_PER_S + switch_s
+    settle_s = circuit.use.settle_us / US_PER_S + circuit.switch_ms / MS_PER_S
     state_s = settle_s + len(addresses) * value_s + (addresses.max() + 1) * wait_s
-    return np.asarray((np.arange(states) * state_s + settle_s)[:, None] + within_s)
+    return np.asarray((np.arange(circuit.state_count) * state_s + settle_s)[:, None] + within_s)
 
 
 def without_noise(design: SensorDesign) -> SensorDesign:

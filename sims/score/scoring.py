@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from optopad.design.arrays import FloatArray
+from optopad.design.circuit.circuit import Circuit
 from optopad.design.circuit.transimpedance import given_ohms, settling_findings
 from optopad.design.errors import ModelScopeError
 from optopad.design.fields.finding import FAILS, OUT_OF_SCOPE, USUAL
@@ -245,8 +246,9 @@ def _warnings(
 ) -> tuple[str, ...]:
     """All warnings about the design and its verdict, those of largest weight first."""
     findings = list(check(design))  # errors were refused before
-    if given_ohms(design) is None:  # resistors by a rule follow from the light
-        findings += settling_findings(design, gains)
+    circuit = Circuit.of(design)
+    if given_ohms(circuit) is None:  # resistors by a rule follow from the light
+        findings += settling_findings(circuit, gains)
     found = [(one.weight, str(one)) for one in findings]
     clipped = [pair.name for pair in judged if pair.score.is_clipped]
     if clipped:

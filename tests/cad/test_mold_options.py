@@ -14,6 +14,7 @@ from optopad.cad.mesh import mesh_of as solid_mesh
 from optopad.cad.mold import build_mold
 from optopad.cad.pour_gauge import gauge_size, pour_gauge
 from optopad.cad.solder_jig import jig_size, solder_jig
+from optopad.design.circuit.circuit import Circuit
 from optopad.design.errors import DesignError, InputError
 from optopad.design.mold.lettering import area_mm2
 from optopad.design.mold.outline import bed_lift_mm, outline_of
@@ -41,7 +42,7 @@ def mesh_of(files, name):
 @pytest.mark.parametrize("name", PRESETS)
 def test_every_part_has_its_name_of_the_wiring_table_on_the_mold(name):
     design = preset(name)
-    wired = {one.part.name for one in connections_of(design).all}
+    wired = {one.part.name for one in connections_of(Circuit.of(design)).all}
     assert {number.name for number in outline_of(design).numbers} == wired
     for number in outline_of(design).numbers:
         assert number.stroke_mm >= 0.75 - ROUNDING

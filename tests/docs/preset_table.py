@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from optopad.design.circuit.pins import board_of
+from optopad.design.circuit.circuit import Circuit
 from optopad.design.mold.outline import outline_of
 from optopad.design.preset import PRESETS, preset
 from optopad.design.shape.cavity import cavity_of
@@ -47,7 +47,7 @@ def presets_table() -> str:
             f"| `{name}` | ![The pad {name} from above](../images/presets/{name}.svg) | "
             f"{size_words(outline.plan.outline, ' mm')}, {layer} mm of clear layer{crown} | "
             f"{size_words(outline.outer, ' mm')}, {tall} mm high | {lit} + {len(parts) - lit} | "
-            f"{board_of(design).title}, {number(design.board.frame_rate_hz)} Hz | {PURPOSES[name]} |"
+            f"{Circuit.of(design).board.title}, {number(design.board.frame_rate_hz)} Hz | {PURPOSES[name]} |"
         )
     return "\n".join(rows)
 

@@ -5,11 +5,12 @@ list `reviewed_numbers.txt`: sizes of designs, settings, limits, figures of the 
 """
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from optopad.design.circuit.pins import board_of, frame_time_ms
+from optopad.design.circuit.circuit import Circuit
 from optopad.design.preset import preset
 from tests.validation.figures import PAGE, QUOTED, figures, page_text, quoted_anew, quoting
 from tests.validation.summaries import SUMMARIES, with_summaries
@@ -117,6 +118,6 @@ def test_frame_rates_are_those_of_the_timing_model() -> None:
     design = preset("gripper-stadium")
     for emitters, receivers, *said in rows:
         for prescaler, rate in zip((64, 128), said, strict=True):
-            use = design.board.model_copy(update={"adc_prescaler": prescaler})
-            took = frame_time_ms(board_of(design), use, int(emitters), int(receivers))
+            circuit = Circuit.of(design).with_use(adc_prescaler=prescaler)
+            took = replace(circuit, emitter_count=int(emitters), receiver_count=int(receivers)).frame_ms
             assert int(1000 / took) == int(rate) or round(1000 / took) == int(rate)

@@ -24,8 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optopad.design.arrays import FloatArray, IntArray
+from optopad.design.circuit.circuit import Chips
+from optopad.design.circuit.circuit import Path as PinPath
 from optopad.design.parts.board_firmware import BoardFirmware
 from optopad.design.parts.catalog import find_board
+from optopad.design.parts.circuits import Converter, LedDriver, ShiftRegister
 from optopad.design.spec import SensorDesign
 from optopad.design.spec.properties import entries_of
 from optopad.fabrication.driver.link.protocol import (
@@ -41,7 +44,7 @@ from optopad.fabrication.driver.link.protocol import (
 )
 from optopad.fabrication.driver.link.scanner import Scanner
 from optopad.fabrication.flash import COMPILER, compile_elf, has_compiler
-from optopad.fabrication.sketch import FirmwareSettings, ReceiverInput, firmware_settings, write_sketch
+from optopad.fabrication.sketch import FirmwareSettings, firmware_settings, write_sketch
 
 LOOP = Path(__file__).parent / "loop"
 HARNESS = LOOP / "simulated_board.c"
@@ -152,15 +155,16 @@ def build_harness(folder: Path) -> Path:
 
 def not_by_the_simulator(settings: FirmwareSettings) -> str:
     """A sentence on the receivers whose inputs the simulator lacks; "" when it has all."""
-    others = [one for one in settings.receivers if input_of(settings, one) >= SIMULATED_INPUTS]
-    names = ", ".join(f"{one.name} on {one.channel}" for one in others)
+    paths = zip(settings.circuit.cavity.receivers, settings.circuit.receivers, strict=True)
+    others = [(part.name, path) for part, path in paths if input_of(settings, path) >= SIMULATED_INPUTS]
+    names = ", ".join(f"{name} on {path.channel}" for name, path in others)
     return f"the simulator converts A0 to A7, and the harness around it {names}" if others else ""
 
 
-def input_of(settings: FirmwareSettings, receiver: ReceiverInput) -> int:
+def input_of(settings: FirmwareSettings, receiver: PinPath) -> int:
     """An input as the simulated board knows it: the multiplexer's setting, or the pin's number."""
     chip = settings.chip
-    if settings.converter is not None:
+    if settings.circuit.adc.separate is not None:
         return receiver.number
     if isinstance(chip, BoardFirmware):
         return chip.channel_mux[receiver.channel]
@@ -204,7 +208,7 @@ def portable_pad(design: SensorDesign, bits: int = 12) -> SensorDesign:
 
 def random_table(settings: FirmwareSettings, seed: int = 0) -> IntArray:
     """(state, receiver) made-up voltages over the whole range [mV]."""
-    shape = len(settings.emitters) + 1, len(settings.receivers)
+    shape = settings.circuit.emitter_count + 1, settings.circuit.receiver_count
     return np.random.default_rng(seed).integers(0, SUPPLY_MV, shape)
 
 
@@ -241,30 +245,37 @@ def scene_text(
         own converter decides, which starts at once
     """
     lit, dark = table_mv[:-1], table_mv[-1]
-    chip = settings.chip
+    chip, circuit = settings.chip, settings.circuit
     ports = chip.pin_ports if isinstance(chip, BoardFirmware) else [f"D{pin}" for pin in range(256)]
     lines = [
         *([f"mcu {chip.mcu}"] if isinstance(chip, BoardFirmware) else []),
-        f"clock {settings.clock_hz}",
+        f"clock {circuit.board.clock_hz}",
         f"supply {SUPPLY_MV}",
-        f"baud {settings.baud}",
+        f"baud {circuit.use.baud}",
         f"light_tau_us {LIGHT_TAU_US}",
         f"amplifier_tau_us {AMPLIFIER_TAU_US}",
         f"hold_adc_clocks {hold_adc_clocks}",
         f"edges {int(edges)}",
-        *(f"receiver {input_of(settings, one)} {one.address}" for one in settings.receivers),
-        *(f"shift {ports[pin][0]} {ports[pin][1:]}" for pin in settings.shift_pins),
-        *(f"address {ports[pin][0]} {ports[pin][1:]}" for pin in settings.address_pins),
+        *(f"receiver {input_of(settings, one)} {one.terminal or 0}" for one in circuit.receivers),
+        *(line for chips in circuit.chips for line in chip_lines(chips, ports)),
         "dark " + " ".join(map(str, dark)),
     ]
-    if settings.converter is not None:
-        lines += [f"converter {settings.converter.commands} {pin}" for pin in settings.converter.pins]
-    if settings.driver is not None:
-        lines.append(f"driver {settings.driver.pins[0]} {settings.driver.pins[1]} {settings.driver.outputs}")
-    for pin, row in zip(settings.emitters, lit, strict=True):
-        port = f"Q{pin.number}" if settings.shift_pins or settings.driver else ports[pin.number]
+    for pin, row in zip(circuit.emitters, lit, strict=True):
+        port = f"Q{pin.number}" if circuit.emitter_chips else ports[pin.number]
         lines.append(f"emitter {port[0]} {port[1:]} " + " ".join(map(str, row)))
     return "\n".join([*lines, *(f"say {at_us} {what.hex()}" for at_us, what in said)]) + "\n"
+
+
+def chip_lines(chips: Chips, ports: Sequence[str]) -> list[str]:
+    """The scene's lines of all chips of one kind."""
+    match chips.entry:
+        case Converter() as entry:
+            return [f"converter {entry.commands} {pin}" for pin in chips.pins]
+        case LedDriver() as entry:
+            return [f"driver {chips.pins[0]} {chips.pins[1]} {chips.count * entry.outputs}"]
+        case entry:
+            word = "shift" if isinstance(entry, ShiftRegister) else "address"
+            return [f"{word} {ports[pin][0]} {ports[pin][1:]}" for pin in chips.pins]
 
 
 _COMPILED: dict[tuple[str, tuple[str, ...]], bytes] = {}
@@ -383,15 +394,16 @@ def board_on_a_port(
 
 def read_log(settings: FirmwareSettings, log: NDArray[Any]) -> Run:
     """Messages out of the bytes of a log."""
+    circuit = settings.circuit
     layout = FrameFormat(
-        emitters=len(settings.emitters),
-        receivers=len(settings.receivers),
-        bits=settings.adc_bits,
-        dark=settings.dark,
+        emitters=circuit.emitter_count,
+        receivers=circuit.receiver_count,
+        bits=circuit.adc.bits,
+        dark=circuit.use.dark,
     )
     sent = log[log["kind"] == BYTE_SENT]
     stream = sent["number"].astype(np.uint8).tobytes()
-    clock_hz = settings.clock_hz if isinstance(settings.chip, BoardFirmware) else NATIVE_HZ
+    clock_hz = circuit.board.clock_hz if isinstance(settings.chip, BoardFirmware) else NATIVE_HZ
     scanner = Scanner(message_lengths(layout))
     at, messages = 0, []
     for version_and_kind, message in scanner.feed(stream):
@@ -402,7 +414,7 @@ def read_log(settings: FirmwareSettings, log: NDArray[Any]) -> Run:
     return Run(
         layout=layout,
         clock_hz=clock_hz,
-        first_input=input_of(settings, settings.receivers[0]),
+        first_input=input_of(settings, circuit.receivers[0]),
         messages=messages,
         skipped_bytes=scanner.skipped_bytes,
         log=log,

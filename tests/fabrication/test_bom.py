@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from optopad.design.circuit.circuit import Circuit
 from optopad.design.circuit.emitter_switch import emitter_switch, most_drive_ma
-from optopad.design.circuit.pins import board_of
 from optopad.design.parts.assumptions import assumption, standard_at_least, standard_at_most
 from optopad.design.parts.catalog import Part
 from optopad.design.preset import PRESETS, preset
@@ -72,7 +72,7 @@ def test_standard_resistors_enclose_the_computed_value(ohm: float) -> None:
 
 
 def test_the_pad_s_series_resistor_is_computed_at_the_lowest_forward_voltage() -> None:
-    switch = emitter_switch(part_of(PAD, "sunled-xscwd23mb", "emitter"), board_of(PAD))
+    switch = emitter_switch(part_of(PAD, "sunled-xscwd23mb", "emitter"), Circuit.of(PAD).board)
     assert switch.series_ohm == 120.0  # the next above (5.0 - 2.7) V / 20 mA = 115 ohm
     assert switch.current_ma == pytest.approx(2.3 / 120 * 1e3)
     assert switch.series_mw == pytest.approx(2.3**2 / 120 * 1e3)
@@ -84,7 +84,7 @@ def test_no_emitter_gets_more_than_its_current(forward: float, most: float) -> N
     part = led(
         forward_voltage_v={"value": forward, "low": forward, "high": None}, max_current_ma={"value": most}
     )
-    switch = emitter_switch(part, board_of(PAD))
+    switch = emitter_switch(part, Circuit.of(PAD).board)
     assert switch.series_ohm is not None
     assert switch.current_ma <= most * (1 + 1e-9)
     supply, base = assumption("supply_v").value, assumption("base_emitter_v").value
@@ -93,14 +93,16 @@ def test_no_emitter_gets_more_than_its_current(forward: float, most: float) -> N
 
 
 def test_an_emitter_beyond_the_supply_has_no_resistor() -> None:
-    switch = emitter_switch(led(forward_voltage_v={"value": 6.0, "low": 5.5, "high": 7.0}), board_of(PAD))
+    switch = emitter_switch(
+        led(forward_voltage_v={"value": 6.0, "low": 5.5, "high": 7.0}), Circuit.of(PAD).board
+    )
     assert switch.series_ohm is None
     assert switch.current_ma == 0.0
 
 
 def test_a_base_current_that_a_pin_cannot_give_is_noticed() -> None:
-    board = board_of(PAD)
-    driver, most_ma = most_drive_ma(PAD, board)
+    board = Circuit.of(PAD).board
+    driver, most_ma = most_drive_ma(Circuit.of(PAD))
     assert driver == "a pin"
     assert emitter_switch(led(max_current_ma={"value": 150.0}), board).base_current_ma <= most_ma
     assert emitter_switch(led(max_current_ma={"value": 300.0}), board).base_current_ma > most_ma
@@ -149,7 +151,7 @@ def test_a_series_resistor_above_a_quarter_watt_has_no_part_number(most_ma: floa
     entry["max_current_ma"] |= {"value": most_ma}
     design = PAD.with_(catalog={"parts": {"sunled-xscwd23mb": entry}})
     found = row(design, "series resistor")
-    switch = emitter_switch(part_of(design, "sunled-xscwd23mb", "emitter"), board_of(design))
+    switch = emitter_switch(part_of(design, "sunled-xscwd23mb", "emitter"), Circuit.of(design).board)
     assert (switch.series_mw <= 250.0) == is_ordered
     assert bool(found["part_number"]) == is_ordered
     assert (f"more than {switch.series_mw:.0f} mW" in found["note"]) != is_ordered

@@ -8,13 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from optopad.design.circuit.pins import (
-    board_of,
-    frame_bytes,
-    frame_time_ms,
-    sending_time_ms,
-    shift_register_of,
-)
+from optopad.design.circuit.circuit import Circuit
+from optopad.design.circuit.link import frame_bytes, sending_time_ms
 from optopad.design.errors import DeviceError
 from optopad.design.preset import preset
 from optopad.design.recordings import lit_emitters, nearest_dark_states, signals_of, with_one_dark
@@ -71,10 +66,10 @@ def test_readings_with_one_dark_state_remain_as_they_are() -> None:
 
 def test_a_frame_takes_the_time_of_its_states_and_check_names_the_field() -> None:
     design = pad()
-    board, use = board_of(design), design.board
+    board, use = Circuit.of(design).board, design.board
     conversion_ms = 13 * 64 / 16e6 * 1e3
     by_hand = 17 * (0.020 + 8 * conversion_ms) + sending_time_ms(board, use, frame_bytes(8, 8, 10, "each"))
-    assert frame_time_ms(board, use, 8, 8) == pytest.approx(by_hand)
+    assert Circuit.of(design).frame_ms == pytest.approx(by_hand)
     assert frame_bytes(8, 8, 10, "each") == 15 + 170
 
 
@@ -106,8 +101,8 @@ def test_both_programs_read_a_dark_state_after_each_emitter(
     assert len(run.frames.counts) >= 8
     (hello, *_) = run.of(Kind.HELLO)
     assert unpack_hello(hello).dark == "each"
-    assert unpack_hello(hello).bits == settings.adc_bits
-    assert (run.frames.counts == quantised(table, settings.adc_bits)).all()
+    assert unpack_hello(hello).bits == settings.circuit.adc.bits
+    assert (run.frames.counts == quantised(table, settings.circuit.adc.bits)).all()
     (answer,) = run.of(Kind.SELF_TEST)
     assert unpack_self_test(answer).config_crc == settings.config_crc()
 
@@ -132,10 +127,9 @@ def test_shift_registers_take_the_time_of_their_edges(
         by_state = frames.reshape(-1, run.layout.states, 8)
         took_us[kind] = float(np.median(by_state[:, -1, 0] - by_state[:, 0, 0]))
     states = len(lit_emitters(8, dark))
-    register = shift_register_of(pad(**{"board.emitters": {"shift_register": "74hc595"}}))
-    assert register is not None
+    (registers,) = Circuit.of(pad(**{"board.emitters": {"shift_register": "74hc595"}})).emitter_chips
     first_us = {"frame": 2 + 2 * 2, "each": 1 + 2 * 9}[dark]
-    expected_us = states * register.switch_us(8, dark) - first_us
+    expected_us = states * registers.entry.switch_ms(8, dark) * 1e3 - first_us
     assert took_us["registers"] - took_us["pins"] == pytest.approx(expected_us, rel=0.12)
     assert (
         driver_config(pad(**{"board.emitters": {"shift_register": "74hc595"}})).timing.switch_us is not None

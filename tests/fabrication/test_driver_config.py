@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from optopad.design.circuit import pins as timing
-from optopad.design.circuit.pins import assigned_pins
+from optopad.design.circuit import link
+from optopad.design.circuit.circuit import Circuit
 from optopad.design.errors import DesignError, InputError
 from optopad.design.preset import PRESETS, preset
 from optopad.design.shape.cavity import cavity_of
@@ -78,9 +78,13 @@ def test_places_names_and_normals_are_those_of_the_cavity(name: str) -> None:
 @pytest.mark.parametrize("name", PRESETS)
 def test_pins_and_channels_are_those_of_the_design_and_single(name: str) -> None:
     design = preset(name)
-    config, (pins, channels) = config_of(design), assigned_pins(design)
-    assert tuple(e.pin for e in config.emitters) == pins
-    assert tuple(r.channel for r in config.receivers) == channels
+    config, circuit = config_of(design), Circuit.of(design)
+    pins, channels = (
+        [path.number for path in circuit.emitters],
+        [path.channel for path in circuit.receivers],
+    )
+    assert [e.pin for e in config.emitters] == pins
+    assert [r.channel for r in config.receivers] == channels
     assert len(set(pins)) == len(pins)
     assert len(set(channels)) == len(channels)
 
@@ -300,4 +304,4 @@ def test_the_timing_budget_of_the_pad_is_the_sum_by_hand() -> None:
 def test_the_baud_error_is_that_of_the_clock() -> None:
     board = config_of(PAD.with_(**{"board.baud": 115200})).board
     assert board.baud_error == pytest.approx(16e6 / (8 * 17) / 115200 - 1)
-    assert board.made_baud == pytest.approx(timing.made_baud(16_000_000, 115200))
+    assert board.made_baud == pytest.approx(link.made_baud(16_000_000, 115200))

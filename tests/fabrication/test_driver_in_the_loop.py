@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from optopad.design.circuit.circuit import Circuit
 from optopad.design.errors import DeviceError
 from optopad.design.preset import preset
 from optopad.design.spec import SensorDesign
@@ -50,7 +51,7 @@ def on_a_port(request: pytest.FixtureRequest, tmp_path):
 
 def counts_of(design: SensorDesign, table_mv):
     """(state, receiver) counts of a table of voltages on a design's board."""
-    return quantised(table_mv, firmware_settings(design).adc_bits)
+    return quantised(table_mv, Circuit.of(design).adc.bits)
 
 
 @pytest.fixture

@@ -52,7 +52,7 @@ def pad(request: pytest.FixtureRequest) -> SensorDesign:
 def counts_of(design: SensorDesign, table_mv=None):
     """(state, receiver) counts that a frame must have; of the made-up table unless given."""
     settings = firmware_settings(design)
-    return quantised(random_table(settings) if table_mv is None else table_mv, settings.adc_bits)
+    return quantised(random_table(settings) if table_mv is None else table_mv, settings.circuit.adc.bits)
 
 
 def test_every_reading_is_the_quantised_voltage_of_its_state_and_receiver(loop, pad):

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from optopad.design.circuit.pins import board_of
+from optopad.design.circuit.circuit import Circuit
 from optopad.design.errors import DesignError
 from optopad.design.parts.catalog import packaged
 from optopad.design.preset import PRESETS, preset
@@ -54,18 +54,17 @@ def with_board(name: str = "arduino-mega-2560", **changes: object) -> SensorDesi
 
 @pytest.mark.parametrize(
     "design",
-    [*(preset(name) for name in PRESETS if board_of(preset(name)).firmware), SHUFFLED],
+    [*(preset(name) for name in PRESETS if Circuit.of(preset(name)).board.firmware), SHUFFLED],
     ids=lambda design: design.name,
 )
 def test_pins_and_inputs_are_those_of_the_driver_configuration(design):
     settings = firmware_settings(design)
     config = config_from_document(tomllib.loads(dump_driver_config(design)), where="driver.toml")
-    assert [one.number for one in settings.emitters] == [one.pin for one in config.emitters]
-    assert [one.channel for one in settings.receivers] == [one.channel for one in config.receivers]
-    assert [one.number for one in settings.receivers] == [one.channel_number for one in config.receivers]
-    assert settings.digest.hex() == config.digest
-    assert settings.board_number == config.board.link_number
-    assert settings.baud_divisor == round(config.board.clock_hz / 8 / config.board.made_baud)
+    assert [one.number for one in settings.circuit.emitters] == [one.pin for one in config.emitters]
+    assert [one.channel for one in settings.circuit.receivers] == [one.channel for one in config.receivers]
+    assert [one.number for one in settings.circuit.receivers] == [
+        one.channel_number for one in config.receivers
+    ]
     assert 2**settings.prescaler_exponent == config.board.adc_prescaler
     assert settings.config_crc() == config.board.config_crc
 
@@ -115,7 +114,7 @@ def test_the_config_block_tells_designs_pins_and_settings_apart():
 def test_a_layout_with_more_receivers_than_the_uno_has_inputs_is_refused():
     with pytest.raises(DesignError, match="8 receivers"):
         firmware_settings(PAD.with_(**{"board.kind": "arduino-uno"}))
-    assert len(firmware_settings(PAD.with_(**{"board.kind": "arduino-nano"})).receivers) == 8
+    assert len(firmware_settings(PAD.with_(**{"board.kind": "arduino-nano"})).circuit.receivers) == 8
 
 
 @pytest.mark.parametrize(
@@ -131,7 +130,7 @@ def test_a_board_that_cannot_be_programmed_is_said_to_be_one(changes, severity, 
     design = with_board(**changes)
     (finding,) = check(design)
     assert (finding.severity, words in finding.message) == (severity, True)
-    assert len(firmware_gaps(design)) == 1
+    assert len(firmware_gaps(Circuit.of(design))) == 1
     with pytest.raises(DesignError, match="firmware can"):
         firmware_settings(design)
 
@@ -148,7 +147,7 @@ def test_frames_that_do_not_fit_the_memory_are_refused():
 def test_a_board_of_ones_own_without_firmware_keeps_its_digest_form():
     document = with_board(firmware=None).model_dump(mode="json")
     assert "firmware" not in document["catalog"]["boards"]["changed"]
-    assert board_of(with_board(firmware=None)).firmware is None
+    assert Circuit.of(with_board(firmware=None)).board.firmware is None
 
 
 # the sketch folder
@@ -188,7 +187,7 @@ needs_compiler = pytest.mark.skipif(bool(missing_compiler()), reason=missing_com
 
 
 @needs_compiler
-@pytest.mark.parametrize("name", [name for name in PRESETS if board_of(preset(name)).firmware])
+@pytest.mark.parametrize("name", [name for name in PRESETS if Circuit.of(preset(name)).board.firmware])
 def test_every_preset_compiles_without_a_warning_and_fits(name):
     design = preset(name)
     chip, image = firmware_settings(design).chip, compiled_image(design)

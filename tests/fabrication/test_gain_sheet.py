@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from optopad.design.circuit.circuit import Circuit
 from optopad.design.circuit.transimpedance import settling_findings
 from optopad.design.parts.catalog import find_part
 from optopad.design.preset import preset
@@ -74,7 +75,7 @@ def test_an_amplifier_that_is_too_slow_is_said_with_the_time_that_is_enough() ->
     assert fitted is not None
     assert 10 < int(fitted[1]) < 19  # 19 us at 10 MHz, and no amplifier of the catalogue has more than 38 MHz
     enough = hurried.with_(**{"board.settle_us": float(fitted[1])})
-    assert list(settling_findings(enough, (3e6,) * 8)) == []
+    assert list(settling_findings(Circuit.of(enough), (3e6,) * 8)) == []
     assert all(one.field != "board.settle_us" for one in check(hurried))  # no resistor without light
     fitted = hurried.with_(**{"gain.feedback_ohm": 2.2e6})
     (said,) = (str(one) for one in check(fitted) if one.field == "board.settle_us")

@@ -10,14 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from optopad.design.circuit.pins import (
-    address_pins,
-    board_of,
-    frame_time_ms,
-    full_scale_v,
-    multiplexer_of,
-    receiver_paths,
-)
+from optopad.design.circuit.circuit import Circuit
 from optopad.design.circuit.transimpedance import counts_per_flux_per_ohm
 from optopad.design.errors import DesignError
 from optopad.design.rules.check import check
@@ -70,7 +63,7 @@ def test_every_receiver_is_followed_to_its_reading() -> None:
     assert config == driver_config(design)
     wiring = {row["reference"]: row for row in csv.DictReader(io.StringIO(wiring_csv(design)))}
     drawing = schematic_svg(design)
-    assert config.board.address_pins == address_pins(design) == (29, 30, 31, 32)
+    assert config.board.address_pins == Circuit.of(design).receiver_chips[0].pins == (29, 30, 31, 32)
     for column, entry in enumerate(config.receivers):
         channel, multiplexer = divmod(column, 2)
         label = f"M{multiplexer + 1}-C{channel}"
@@ -81,17 +74,17 @@ def test_every_receiver_is_followed_to_its_reading() -> None:
         names = re.findall(r">(R\d+)-A<", block)
         assert names[channel] == entry.name
     assert len({entry.channel for entry in config.receivers}) == 24
-    pins = {one.pin_number for one in connections_of(design).emitters}
-    assert not pins & set(address_pins(design))
+    pins = {one.path.number for one in connections_of(Circuit.of(design)).emitters}
+    assert not pins & set(Circuit.of(design).receiver_chips[0].pins)
     assert [row.references for row in bom_rows(design) if row.catalogue_id == "74hc4067"] == [("M1", "M2")]
 
 
 def test_an_address_settles_before_it_is_read() -> None:
     design = disc()
-    entry = multiplexer_of(design)
-    without = frame_time_ms(board_of(design), design.board, 12, 24)
-    with_them = frame_time_ms(board_of(design), design.board, 12, 24, entry)
-    assert with_them - without == pytest.approx(13 * 12 * 1.0e-3)  # 13 states of 12 addresses of 1 us
+    circuit = Circuit.of(design)
+    assert circuit.frame_ms - circuit.with_use(receivers=None).frame_ms == pytest.approx(
+        13 * 12 * 1.0e-3
+    )  # 13 states of 12 addresses of 1 us
 
 
 @pytest.mark.parametrize("board", ["arduino-mega-2560", "my-board"])
@@ -117,7 +110,7 @@ def test_the_firmware_reads_every_receiver_through_its_multiplexer(
     )
     frames = run.frames.counts
     assert len(frames) >= 3
-    assert (frames == quantised(table, settings.adc_bits)).all()
+    assert (frames == quantised(table, settings.circuit.adc.bits)).all()
     conversions = (run.log["kind"] == INPUT_HELD).sum()
     begun = conversions / (table.size * averages)
     assert len(frames) <= begun < len(frames) + 3  # one begins, two are still to be sent
@@ -148,7 +141,7 @@ def test_wrong_pins_are_refused_with_the_way_out(changes: dict[str, object], wor
 
 def test_an_unknown_multiplexer_and_a_wrong_supply_are_refused() -> None:
     with pytest.raises(DesignError, match="'cd4097'"):
-        receiver_paths(disc(**{"board.receivers.multiplexer": "cd4097"}))
+        Circuit.of(disc(**{"board.receivers.multiplexer": "cd4097"}))
     for field, name in (("receivers.multiplexer", "cd4097"), ("emitters.shift_register", "cd4094")):
         found = errors(disc(**{f"board.{field}": name}))
         assert [one for one in found if one.startswith(f"board.{field}:") and "the catalogue" in one]
@@ -171,10 +164,10 @@ def test_the_internal_reference_is_full_scale_everywhere(board_harness: Path, tm
             "board.receivers": {"multiplexer": "74hc4067"},
         }
     )
-    assert full_scale_v(design) == 1.1
+    assert Circuit.of(design).adc.full_scale_v == 1.1
     assert driver_config(design).board.adc_reference == "internal reference, 1.1 V"
-    by_supply = counts_per_flux_per_ohm(design.with_(**{"board.reference": "supply"}))
-    per_ohm = counts_per_flux_per_ohm(design)
+    by_supply = counts_per_flux_per_ohm(Circuit.of(design.with_(**{"board.reference": "supply"})))
+    per_ohm = counts_per_flux_per_ohm(Circuit.of(design))
     assert per_ohm is not None
     assert by_supply is not None
     assert per_ohm[0].value / by_supply[0].value == pytest.approx(5.0 / 1.1)
@@ -232,7 +225,7 @@ def test_the_firmware_walks_through_the_shift_registers(
         board_harness if board != "my-board" else None, tmp_path, design, table, said, duration_us=400_000
     )
     assert len(run.frames.counts) >= 5
-    assert (run.frames.counts == quantised(table, settings.adc_bits)).all()
+    assert (run.frames.counts == quantised(table, settings.circuit.adc.bits)).all()
     (answer,) = run.of(Kind.SELF_TEST)
     assert unpack_self_test(answer).config_crc == settings.config_crc()
 

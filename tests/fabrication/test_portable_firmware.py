@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from optopad.design.circuit.circuit import Circuit
 from optopad.design.errors import DesignError, DeviceError
 from optopad.design.parts.catalog import find_board
 from optopad.design.preset import preset
@@ -44,7 +45,7 @@ AVR_PAD = preset("piacenza2017-pad")
 PAD = portable_pad(AVR_PAD)
 SETTINGS = firmware_settings(PAD)
 TABLE = random_table(SETTINGS)
-COUNTS = quantised(TABLE, SETTINGS.adc_bits)
+COUNTS = quantised(TABLE, SETTINGS.circuit.adc.bits)
 SAID = [(7_000.0, pack_command(Command.RATE, 0)), (8_000.0, pack_command(Command.START))]
 
 
@@ -150,7 +151,7 @@ def test_an_image_is_arduino_clis_to_make():
 def test_a_board_that_cannot_run_the_program_is_said_to_be_one(design, severity, words):
     (finding,) = check(design)
     assert (finding.severity, words in finding.message) == (severity, True)
-    assert len(firmware_gaps(design)) == 1
+    assert len(firmware_gaps(Circuit.of(design))) == 1
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ import pytest
 
 from optopad.design.errors import InputError
 from optopad.design.parts.catalog import packaged
+from optopad.design.parts.circuits import families
 from optopad.design.parts.orders import ohm_code, order_of, orders
 from optopad.design.preset import preset
 from optopad.design.shape.cavity import cavity_of
@@ -117,8 +118,9 @@ def test_codes_of_values_are_those_of_known_orders() -> None:
 def test_every_order_belongs_to_an_entry_of_the_catalogue_or_a_kind_of_part() -> None:
     entries = packaged()
     known = {name for table in type(entries).model_fields for name in getattr(entries, table)}
+    components = {item.replace(" ", "-") for one in families().values() for item, *_ in one.components}
     kinds = {"carbon-black", "resistor", "large-resistor", *PICOFARADS, "pin-header", "wire", "thin-wire"}
-    assert set(orders()) <= known | kinds | {"supply-capacitor", "reference-capacitor"}
+    assert set(orders()) <= known | kinds | {"supply-capacitor", *components}
     needed = {
         *entries.boards,
         *entries.amplifiers,

@@ -6,11 +6,10 @@ from xml.etree import ElementTree
 
 import pytest
 
+from optopad.design.circuit.circuit import Circuit
 from optopad.design.circuit.emitter_switch import emitter_switch, supply_current
-from optopad.design.circuit.pins import assigned_pins, board_of
 from optopad.design.parts.assumptions import assumption, ohm_text
 from optopad.design.preset import PRESETS, preset
-from optopad.design.shape.cavity import cavity_of
 from optopad.design.spec.properties import part_of
 from optopad.fabrication.gain import SimulatedGain
 from optopad.fabrication.sheets.bom import NO_PRICE, NOT_BOUGHT, bom_csv, bom_rows
@@ -30,12 +29,12 @@ def texts(svg: str) -> list[str]:
 @pytest.mark.parametrize("name", PRESETS)
 def test_every_part_is_on_the_schematic_with_its_pin_and_designators(name: str) -> None:
     design = preset(name)
-    pins, channels = assigned_pins(design)
+    circuit = Circuit.of(design)
     shown = texts(schematic_svg(design))
-    for part, pin in zip(cavity_of(design).emitters, pins, strict=True):
-        assert {part.name, f"D{pin}", f"{part.name}-RB", f"{part.name}-RS", f"{part.name}-Q"} <= set(shown)
-    for part, channel in zip(cavity_of(design).receivers, channels, strict=True):
-        assert {part.name, channel, f"{part.name}-A"} <= set(shown)
+    for part, pin in zip(circuit.cavity.emitters, circuit.emitters, strict=True):
+        assert {part.name, pin.pin, f"{part.name}-RB", f"{part.name}-RS", f"{part.name}-Q"} <= set(shown)
+    for part, channel in zip(circuit.cavity.receivers, circuit.receivers, strict=True):
+        assert {part.name, channel.pin, f"{part.name}-A"} <= set(shown)
         assert f"{part.name}-RF set by gain" in shown
 
 
@@ -48,14 +47,14 @@ def test_schematic_and_bill_have_the_same_values() -> None:
 
 
 def test_the_supply_gives_one_lit_emitter_its_base_the_amplifiers_and_the_board() -> None:
-    switch = emitter_switch(part_of(PAD, "sunled-xscwd23mb", "emitter"), board_of(PAD))
-    current = supply_current(PAD)
+    switch = emitter_switch(part_of(PAD, "sunled-xscwd23mb", "emitter"), Circuit.of(PAD).board)
+    current = supply_current(Circuit.of(PAD))
     assert current.emitter_ma == pytest.approx(2.3 / 120 * 1e3 + (5.0 - 0.7) / 2000 * 1e3)
     assert ohm_text(switch.base_ohm) == "2 kohm"
     rest = 8 * assumption("amplifier_supply_ma").value + assumption("board_supply_ma").value
     assert current.full_power_ma == pytest.approx(current.emitter_ma + rest)
     assert current.fault_ma == pytest.approx(8 * current.emitter_ma + rest)
-    known = supply_current(PAD, "mcp604")
+    known = supply_current(Circuit.of(PAD), "mcp604")
     assert known.amplifiers_ma == pytest.approx(2 * 4 * 0.23)
     assert "the amplifiers (8*)" in casting_md(PAD)
     named = PAD.with_(**{"board.amplifier": "mcp604"})
@@ -76,4 +75,4 @@ def test_a_price_without_a_source_is_blank_and_said_so() -> None:
 def test_the_sheet_has_the_resistors_of_the_bill_and_the_supply_s_current() -> None:
     sheet = casting_md(PAD)
     assert "| sunled-xscwd23mb | 120 ohm | 2 kohm | 16.7 usual, 19.2 at most | 2.1 |" in sheet
-    assert f"gives {supply_current(PAD).full_power_ma:.0f}* mA at full power" in sheet
+    assert f"gives {supply_current(Circuit.of(PAD)).full_power_ma:.0f}* mA at full power" in sheet

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from optopad.design.circuit.pins import assigned_pins, board_of
+from optopad.design.circuit.circuit import Circuit
 from optopad.design.preset import PRESETS, SHAPED_PRESETS, preset
 from optopad.design.shape.cavity import cavity_of, plan_of
 from optopad.design.spec import SensorDesign
@@ -35,7 +35,7 @@ SVG = "{http://www.w3.org/2000/svg}"
 
 def crowded(per_side: list[int], length_mm: float, width_mm: float) -> SensorDesign:
     """An alternating ring on a board with inputs enough."""
-    board = board_of(PAD).model_dump(mode="json") | {"analog_channels": [f"A{k}" for k in range(64)]}
+    board = Circuit.of(PAD).board.model_dump(mode="json") | {"analog_channels": [f"A{k}" for k in range(64)]}
     design = PAD.with_(catalog={"boards": {"roomy": board}})
     return design.with_(
         **{
@@ -62,10 +62,10 @@ def texts_of(design: SensorDesign) -> list[ElementTree.Element]:
 
 @pytest.mark.parametrize("design", DESIGNS, ids=lambda design: f"{design.name}-{design.digest[:4]}")
 def test_the_wiring_table_has_every_part_with_its_own_pin_and_number(design: SensorDesign) -> None:
-    cavity, (pins, channels) = cavity_of(design), assigned_pins(design)
+    cavity, circuit = cavity_of(design), Circuit.of(design)
     table = table_of(design)
     assert [row["reference"] for row in table] == [part.name for part in cavity.parts]
-    assert [row["pin"] for row in table] == [f"D{pin}" for pin in pins] + list(channels)
+    assert [row["pin"] for row in table] == [path.pin for path in (*circuit.emitters, *circuit.receivers)]
     assert len({row["pin"] for row in table}) == len(table)
     lit = [row for row in table if row["kind"] == "emitter"]
     assert [row["state"] for row in lit] == [str(k) for k in range(len(lit))]

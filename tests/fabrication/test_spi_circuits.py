@@ -15,23 +15,9 @@ import numpy as np
 import pytest
 from scipy.signal import lti, step
 
+from optopad.design.circuit.circuit import Circuit
 from optopad.design.circuit.emitter_switch import current_sink, emitter_switch, supply_current
-from optopad.design.circuit.pins import (
-    adc_bits,
-    amplifier_v,
-    board_of,
-    design_frame_time_ms,
-    driver_of,
-    frame_bytes,
-    frame_rate_hz,
-    full_scale_v,
-    lit_time_us,
-    reading_time_ms,
-    select_pins,
-    sending_time_ms,
-    spi_pins,
-    switch_time_ms,
-)
+from optopad.design.circuit.link import frame_bytes, sending_time_ms
 from optopad.design.circuit.transimpedance import counts_per_flux_per_ohm, settling_findings
 from optopad.design.errors import DesignError
 from optopad.design.parts.catalog import packaged
@@ -113,9 +99,9 @@ def test_every_receiver_is_followed_to_its_reading(converter: str) -> None:
     assert not errors(design)
     config = config_from_document(tomllib.loads(dump_driver_config(design)), where="driver.toml")
     assert config == driver_config(design)
-    assert (config.board.converter, config.board.adc_bits) == (converter.upper(), adc_bits(design))
-    assert config.board.spi_pins == spi_pins(design, board_of(design)) == (13, 11, 12)
-    assert config.board.select_pins == select_pins(design)
+    assert (config.board.converter, config.board.adc_bits) == (converter.upper(), Circuit.of(design).adc.bits)
+    assert config.board.spi_pins == Circuit.of(design).spi_pins == (13, 11, 12)
+    assert config.board.select_pins == Circuit.of(design).receiver_chips[0].pins
     known = packaged().converters[converter]
     assert config.frame.bits_per_reading == known.bits
     wiring = {row["reference"]: row for row in csv.DictReader(io.StringIO(wiring_csv(design)))}
@@ -128,13 +114,16 @@ def test_every_receiver_is_followed_to_its_reading(converter: str) -> None:
         assert wiring[entry.name]["pin"] == label
         block = drawing[drawing.index(f"<title>U{chip + 1}: {converter.upper()}") :]
         assert re.findall(r">(R\d+)-A<", block)[channel] == entry.name
-        assert (settings.receivers[column].number, settings.receivers[column].address) == (chip, channel)
-    for chip, pin in enumerate(select_pins(design)):
+        assert (settings.circuit.receivers[column].number, settings.circuit.receivers[column].terminal) == (
+            chip,
+            channel,
+        )
+    for chip, pin in enumerate(Circuit.of(design).receiver_chips[0].pins):
         block = drawing[drawing.index(f"<title>U{chip + 1}: ") :].partition("</g>")[0]
         assert re.findall(r">D(\d+)<", block) == ["13", "11", "12", str(pin)]
-    pins = {one.pin_number for one in connections_of(design).emitters}
-    assert not pins & {*select_pins(design), *spi_pins(design, board_of(design))}
-    chips = tuple(f"U{chip + 1}" for chip in range(24 // known.channels))
+    pins = {one.path.number for one in connections_of(Circuit.of(design)).emitters}
+    assert not pins & {*Circuit.of(design).receiver_chips[0].pins, *Circuit.of(design).spi_pins}
+    chips = tuple(f"U{chip + 1}" for chip in range(known.needed(24)))
     assert [row.references for row in bom_rows(design) if row.catalogue_id == converter] == [chips]
 
 
@@ -167,9 +156,8 @@ def test_every_emitter_is_followed_from_its_led_driver() -> None:
 def test_circuits_share_the_bus_and_no_pin_is_given_twice() -> None:
     design = ring_of_many()
     settings = firmware_settings(design)
-    pins = [pin for group in settings.more_pins.values() for pin in group]
-    assert sorted(settings.more_pins) == ["DRIVER_PINS", "SELECT_PINS"]
-    assert len({*pins, *spi_pins(design, board_of(design))}) == 2 + 4 + 3
+    pins = [pin for chips in settings.circuit.chips for pin in chips.pins]
+    assert len({*pins, *Circuit.of(design).spi_pins}) == 2 + 4 + 3
     text = config_header(settings)
     assert "#define DRIVER_HZ 15000000UL" in text  # two in a chain
     assert "#define CONVERTER_HZ 1000000UL" in text  # at 3.3 V
@@ -183,20 +171,20 @@ def test_circuits_share_the_bus_and_no_pin_is_given_twice() -> None:
 
 def test_a_frame_is_the_sum_of_data_settling_and_readings() -> None:
     design = ring_of_many(**{"board.averages": 3, "board.settle_us": 30.0})
-    board, states = board_of(design), 31
+    board, states = Circuit.of(design).board, 31
     data_us = 2 * 24 * 12 / 15.0 + 4 + 3  # bits at 15 MHz, four edges, the slowest of the oscillators
     reading_us = 24 / 1.0 + 1 + 1  # clocks at 1 MHz, chip select high, calls
     state_us = data_us + 30.0 + 32 * 3 * reading_us
     line_ms = sending_time_ms(board, design.board, frame_bytes(30, 32, 12))
-    found_ms = design_frame_time_ms(design, 30, 32, board, design.board)
+    found_ms = Circuit.of(design).frame_ms
     assert found_ms - line_ms == pytest.approx(states * state_us / 1e3, rel=1e-12)
-    assert frame_rate_hz(design) == pytest.approx(1e3 / found_ms)
+    assert Circuit.of(design).frame_rate_hz == pytest.approx(1e3 / found_ms)
     timing = driver_config(design).timing
     assert (timing.switch_us, timing.conversion_us) == pytest.approx((data_us, reading_us))
     at = reading_times_s(design)
     assert at[0, 0] * 1e6 == pytest.approx(data_us + 30.0)
     assert at[-1, -1] * 1e6 == pytest.approx(states * state_us - 3 * reading_us)
-    assert lit_time_us(design) == pytest.approx(state_us - data_us)
+    assert Circuit.of(design).lit_ms * 1e3 == pytest.approx(state_us - data_us)
 
 
 @pytest.mark.parametrize(
@@ -205,26 +193,26 @@ def test_a_frame_is_the_sum_of_data_settling_and_readings() -> None:
         ("teensy-41", "mcp3208", 24 / 1.0 + 2),
         ("arduino-uno-r4-minima", "mcp3208", 24 / 2.0 + 2),
         ("teensy-41", "ads8688", 32 / 17.0 + 3),
+        ("teensy-41", "ads7953", 48 / 20.0 + 3 * 2),
     ],
 )
 def test_a_reading_takes_its_clocks_at_the_supplys_speed(board: str, converter: str, us: float) -> None:
-    entries = packaged()
-    found = reading_time_ms(entries.boards[board], disc().board, entries.converters[converter]) * 1e3
+    found = Circuit.of(spi_disc(converter, **{"board.kind": board})).adc.reading_ms * 1e3
     assert found == pytest.approx(us)
 
 
 def test_the_boards_own_circuits_take_no_time_for_switching() -> None:
-    assert switch_time_ms(driver_of(disc()), 12, "frame") == 0.0
+    assert Circuit.of(disc()).switch_ms == 0.0
 
 
 def test_full_scale_is_the_converters_and_ends_at_the_amplifiers_supply() -> None:
     own_adc, mcp, ads = disc(), spi_disc("mcp3208"), spi_disc("ads8688")
-    assert [full_scale_v(one) for one in (own_adc, mcp, ads)] == [3.3, 3.3, 5.12]
-    assert [amplifier_v(one) for one in (own_adc, mcp, ads)] == [3.3, 3.3, 5.0]
+    assert [Circuit.of(one).adc.full_scale_v for one in (own_adc, mcp, ads)] == [3.3, 3.3, 5.12]
+    assert [Circuit.of(one).adc.supply_v for one in (own_adc, mcp, ads)] == [3.3, 3.3, 5.0]
     assert [full_scale_counts(one) for one in (own_adc, mcp, ads)] == [4095, 4095, 64000]
     assert driver_config(mcp).board.adc_reference == "MCP3208, its supply, 3.3 V"
     assert driver_config(ads).board.adc_reference == "ADS8688, its own range, 5.12 V"
-    per_ohm = [counts_per_flux_per_ohm(one) for one in (mcp, ads)]
+    per_ohm = [counts_per_flux_per_ohm(Circuit.of(one)) for one in (mcp, ads)]
     assert per_ohm[0] is not None
     assert per_ohm[1] is not None
     assert per_ohm[1][0].value / per_ohm[0][0].value == pytest.approx(2**16 / 2**12 * 3.3 / 5.12)
@@ -252,40 +240,44 @@ def test_an_input_filter_settles_to_half_a_count() -> None:
 
 
 def test_the_amplifiers_have_what_the_filter_leaves_of_the_settle_time() -> None:
-    short = [str(one) for one in settling_findings(spi_disc("ads8688"))]
+    short = [str(one) for one in settling_findings(Circuit.of(spi_disc("ads8688")))]
     assert len(short) == 1
     assert "ADS8688" in short[0]
     assert "more than 177 us" in short[0]
-    assert not list(settling_findings(spi_disc("ads8688", **{"board.settle_us": 250.0})))
+    assert not list(settling_findings(Circuit.of(spi_disc("ads8688", **{"board.settle_us": 250.0}))))
     ohms = {"gain.feedback_ohm": 1e8, "board.settle_us": 200.0}
-    slow = [str(one) for one in settling_findings(spi_disc("ads8688", **ohms))]
+    slow = [str(one) for one in settling_findings(Circuit.of(spi_disc("ads8688", **ohms)))]
     fitted = re.search(r"at least (\d+) us", slow[0])
     assert fitted is not None
     enough = {**ohms, "board.settle_us": float(fitted[1])}
-    late = [one for one in settling_findings(spi_disc("ads8688", **enough)) if one.field == "board.settle_us"]
+    late = [
+        one
+        for one in settling_findings(Circuit.of(spi_disc("ads8688", **enough)))
+        if one.field == "board.settle_us"
+    ]
     assert not late
     assert "177 us" in " ".join(row.note for row in bom_rows(spi_disc("ads8688")))
 
 
 def test_the_reference_resistor_sets_the_emitters_current() -> None:
     design = spi_disc(None, "tlc5947")
-    sink, part = current_sink(design), cavity_of(design).emitters[0].part
+    sink, part = current_sink(Circuit.of(design)), cavity_of(design).emitters[0].part
     assert sink is not None
     assert part.max_current_ma is not None
     exact_ohm = 41 * 1.2 / (part.max_current_ma.value / 1e3)
     assert exact_ohm <= sink.reference_ohm < exact_ohm * 1.1
     assert sink.current_ma == pytest.approx(41 * 1.2 / sink.reference_ohm * 1e3)
-    supply = supply_current(spi_disc("ads8688", "tlc5947"))
+    supply = supply_current(Circuit.of(spi_disc("ads8688", "tlc5947")))
     assert supply.emitter_ma == pytest.approx(sink.current_ma)
     assert supply.circuits_ma == pytest.approx(3 * 13.0 + 20.0)
     assert supply.full_power_ma == pytest.approx(
         sink.current_ma + 59.0 + supply.amplifiers_ma + supply.board_ma
     )
     assert "59 for converters and LED drivers" in schematic_svg(spi_disc("ads8688", "tlc5947"))
-    by_transistor, by_driver = (counts_per_flux_per_ohm(one) for one in (disc(), design))
+    by_transistor, by_driver = (counts_per_flux_per_ohm(Circuit.of(one)) for one in (disc(), design))
     assert by_transistor is not None
     assert by_driver is not None
-    usual_ma = emitter_switch(part, board_of(design)).usual_current_ma
+    usual_ma = emitter_switch(part, Circuit.of(design).board).usual_current_ma
     assert by_driver[0].value / by_transistor[0].value == pytest.approx(sink.current_ma / usual_ma)
 
 
@@ -293,7 +285,7 @@ def test_an_output_gives_thirty_milliamperes_and_one_current_for_all() -> None:
     led = packaged().parts["kingbright-apt2012zgc"].model_dump(mode="json")
     strong = led | {"max_current_ma": led["max_current_ma"] | {"value": 50.0}}
     design = spi_disc(None, "tlc5947", **{"catalog.parts": {"strong": strong}, "emitters.part": "strong"})
-    sink = current_sink(design)
+    sink = current_sink(Circuit.of(design))
     assert sink is not None
     assert sink.current_ma == pytest.approx(49.2 / 1.8)  # 1.64 kohm is no E24 value
     assert sink.current_ma <= 30.0
@@ -304,7 +296,7 @@ def test_an_output_gives_thirty_milliamperes_and_one_current_for_all() -> None:
         {"pattern": "at_angles", "kind": "emitter", "angles_deg": [1.0], "part": "strong"},
     ]
     both = spi_disc(None, "tlc5947", **{"catalog.parts": {"strong": strong}, "layout": mixed})
-    assert current_sink(both) == current_sink(spi_disc(None, "tlc5947"))
+    assert current_sink(Circuit.of(both)) == current_sink(Circuit.of(spi_disc(None, "tlc5947")))
     notes = [str(one) for one in check(both) if one.severity == "note"]
     assert any("all outputs of TLC5947 have one current" in one for one in notes)
 
@@ -349,10 +341,13 @@ def test_the_firmware_reads_every_receiver_under_every_emitter(
     table, run = run_of(design, tmp_path)
     frames = run.frames.counts
     assert len(frames) >= 15
-    assert (frames == quantised(table, settings.adc_bits, CONVERTERS.get(converter or "", SUPPLY_MV))).all()
+    bits = settings.circuit.adc.bits
+    counts = quantised(table, bits, CONVERTERS.get(converter or "", SUPPLY_MV))
+    assert (frames == np.minimum(counts, 2**bits - 1)).all()
     assert settled_us(run) >= design.board.settle_us
     conversions = (run.log["kind"] == INPUT_HELD).sum()
-    assert len(frames) <= conversions / (table.size * averages) < len(frames) + 4
+    held = 1 if converter is None else packaged().converters[converter].family.frames  # for each reading
+    assert len(frames) <= conversions / (table.size * averages * held) < len(frames) + 4
     (answer,) = run.of(Kind.SELF_TEST)
     assert unpack_self_test(answer).config_crc == settings.config_crc()
 
@@ -399,7 +394,7 @@ def test_a_state_beyond_the_pwm_period_is_warned_of_and_is_dark_in_between(
     native_harness: None, tmp_path: Path
 ) -> None:
     short, long = spi_disc("mcp3208", "tlc5947"), spi_disc("mcp3208", "tlc5947", **{"board.averages": 2})
-    assert lit_time_us(short) == pytest.approx(20 + 24 * 26)
+    assert Circuit.of(short).lit_ms * 1e3 == pytest.approx(20 + 24 * 26)
     assert not [one for one in warnings(short) if "PWM period" in one]
     (found,) = [one for one in warnings(long) if "PWM period" in one]
     assert says(found, "1271 us ... 731 us")
@@ -563,6 +558,8 @@ def test_a_converter_of_five_volts_drives_no_pin_of_three() -> None:
         (own("converters", "ads8688", range_code=None), "give both, as 6 and 5.12 for 0 to 5.12 V"),
         (own("converters", "ads8688", logic_low_v=None), "give both, or neither"),
         (own("converters", "mcp3208", channels=16), "must be at most 8"),
+        (own("converters", "ads7953", channels=17), "must be at most 16"),
+        (own("converters", "ads7953", range_code=None), "give both, as 0 and 2.5 for 0 to 2.5 V"),
         (own("converters", "mcp3208", bits=10), "the frames of mcp3208 have 12 bits; set bits = 12"),
     ],
 )  # fmt: skip

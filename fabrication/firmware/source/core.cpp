@@ -1,6 +1,7 @@
 /* Firmware of an optopad sensor on a board with an Arduino core other than the AVR's. It has the same frames and
    messages as core.c, and uses only micros, analogRead, digitalWrite, Serial and, if a design has converters or LED
-   drivers, SPI. All settings of a design are in config.h, the messages are in session.h.
+   drivers, SPI. All settings of a design are in config.h, the messages are in session.h, and the commands of chips on
+   the SPI bus are in converter.h and led_driver.h.
 
    A state is read no sooner than SETTLE_US after its emitter was switched; a value is the mean of AVERAGES readings. A
    message that does not fit into Serial waits in its buffer, and is passed on while emitters settle. While both buffers
@@ -24,12 +25,7 @@
 #if SHIFT_BITS
 static const uint8_t shift_pins[] = {SHIFT_PINS};
 enum shift_line { DATA, CLOCK, LATCH };
-#elif DRIVER_OUTPUTS
-static const uint8_t driver_pins[] = {DRIVER_PINS};
-enum driver_line { LATCH, BLANK };
-#define DRIVER_BITS (1UL * DRIVER_OUTPUTS * GRAYSCALE_BITS)
-#define DRIVER_BYTES ((DRIVER_BITS + 7) / 8)
-#else
+#elif !DRIVER_OUTPUTS
 static const uint8_t emitter_pins[N_EMITTERS] = {EMITTER_PINS};
 #endif
 #if CONVERTERS
@@ -117,27 +113,7 @@ static void light(uint8_t emitter) {
     lit = emitter;
 }
 #elif DRIVER_OUTPUTS
-static void put(driver_line line, bool is_high) {
-    digitalWrite(driver_pins[line], is_high ? HIGH : LOW);
-    delayMicroseconds(1);
-}
-
-/* Sends the data of all outputs, the last output first: full grayscale for the lit one, 0 for the others. The new data
-   are latched while the outputs are blanked. The end of blanking begins a PWM period. The emitter is on from
-   DRIVER_ON_US after that until the end of the period. */
-static void light(uint8_t emitter) {
-    uint8_t bytes[DRIVER_BYTES] = {}; /* the received bytes replace the sent ones */
-    uint16_t at = DRIVER_BYTES * 8 - (emitter + 1) * GRAYSCALE_BITS;
-    for (uint16_t bit = at; emitter < N_EMITTERS && bit < at + GRAYSCALE_BITS; bit++) bytes[bit / 8] |= 0x80 >> bit % 8;
-    SPI.beginTransaction(SPISettings(DRIVER_HZ, MSBFIRST, SPI_MODE0));
-    SPI.transfer(bytes, sizeof bytes);
-    SPI.endTransaction();
-    put(BLANK, true);
-    put(LATCH, true);
-    put(LATCH, false);
-    put(BLANK, false);
-    delayMicroseconds(DRIVER_ON_US);
-}
+#include "led_driver.h" /* light and start_drivers, for the commands of these LED drivers */
 #else
 static void light(uint8_t emitter) {
     static uint8_t lit = N_EMITTERS;
@@ -176,42 +152,8 @@ static void exchange(uint8_t chip, uint8_t *bytes, uint8_t count) {
     SPI.endTransaction();
     delayMicroseconds(CONVERTER_GAP_US);
 }
-#endif
 
-#if CONVERTER_IS_MCP3208
-/* Sends a start bit, the single-ended bit and three bits of the input. The reading returns in the same transfer. */
-static uint16_t reading_of(uint8_t receiver, bool) {
-    uint8_t address = channel_addresses[receiver];
-    uint8_t bytes[] = {(uint8_t)(6 | address >> 2), (uint8_t)(address << 6), 0};
-    exchange(channel_chips[receiver], bytes, sizeof bytes);
-    return (bytes[1] & 15) << 8 | bytes[2];
-}
-
-static void start_converters(void) {}
-#elif CONVERTER_IS_ADS8688
-/* A transfer returns the channel that the previous transfer selected, so each transfer selects the next receiver. */
-static uint16_t selecting(uint8_t chip, uint8_t next_address) {
-    uint8_t bytes[] = {(uint8_t)(0xc0 | next_address << 2), 0, 0, 0};
-    exchange(chip, bytes, sizeof bytes);
-    return bytes[2] << 8 | bytes[3];
-}
-
-/* Receivers of a converter are consecutive. With the last receiver, the first one is selected for the next state. */
-static uint16_t reading_of(uint8_t receiver, bool is_last) {
-    uint8_t chip = channel_chips[receiver], next = receiver + is_last;
-    bool has_next = next < N_RECEIVERS && channel_chips[next] == chip;
-    return selecting(chip, has_next ? channel_addresses[next] : 0);
-}
-
-static void start_converters(void) {
-    for (uint8_t chip = 0; chip < CONVERTERS; chip++) {
-        for (uint8_t channel = 0; channel < CONVERTER_CHANNELS; channel++) {
-            uint8_t bytes[] = {(uint8_t)((5 + channel) << 1 | 1), CONVERTER_RANGE, 0}; /* writes its range register */
-            exchange(chip, bytes, sizeof bytes);
-        }
-        selecting(chip, 0);
-    }
-}
+#include "converter.h" /* reading_of and start_converters, for the commands of these converters */
 #else
 /* An error of the Arduino core, -1, becomes a reading at full scale. */
 static uint16_t reading_of(uint8_t receiver, bool) { return analogRead(channel_pins[receiver]) & FULL_SCALE; }
@@ -256,10 +198,7 @@ void core_init(void) {
     for (uint16_t i = 0; i < SHIFT_BITS; i++) pulse(CLOCK);
     pulse(LATCH);
 #elif DRIVER_OUTPUTS
-    for (uint8_t pin : driver_pins) {
-        pinMode(pin, OUTPUT);
-        digitalWrite(pin, pin == driver_pins[BLANK] ? HIGH : LOW);
-    }
+    start_drivers();
 #else
     for (uint8_t pin : emitter_pins) {
         pinMode(pin, OUTPUT);

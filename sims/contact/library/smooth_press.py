@@ -492,10 +492,6 @@ class FitResidual:
         """Read the errors from an array (6,) in the order of the attributes."""
         return cls(**{field.name: float(figure) for field, figure in zip(fields(cls), figures, strict=True)})
 
-    def as_array(self) -> FloatArray:
-        """The errors as an array (6,) in the order of the attributes."""
-        return np.array([getattr(self, field.name) for field in fields(self)])
-
 
 @dataclass(frozen=True, kw_only=True)
 class SmoothPress:

@@ -9,6 +9,7 @@ import pytest
 from scipy.signal import lti, step
 
 from optopad.design.circuit.amplifier import Load, chosen_amplifier, least_feedback_pf, settles_us
+from optopad.design.circuit.circuit import Circuit
 from optopad.design.circuit.emitter_switch import transistor_of
 from optopad.design.circuit.transimpedance import feedbacks_of
 from optopad.design.parts.catalog import packaged
@@ -55,7 +56,7 @@ def test_a_slow_slew_rate_adds_the_time_that_the_output_lags() -> None:
 def test_the_slowest_that_fits_is_chosen_and_never_one_that_breaks_a_limit() -> None:
     chosen = []
     for ohm in (1e5, 4.3e5, 1e6, 3e6):
-        found = feedbacks_of(PAD.with_(**{"gain.feedback_ohm": ohm}), None)
+        found = feedbacks_of(Circuit.of(PAD.with_(**{"gain.feedback_ohm": ohm})), None)
         assert found is not None
         one = found[0]
         entry = QUADS[one.amplifier_id]
@@ -96,7 +97,7 @@ def high_supply() -> dict[str, object]:
 
 
 def test_before_the_resistors_are_known_supply_and_swing_choose() -> None:
-    found = chosen_amplifier(PAD, None, 20.0)
+    found = chosen_amplifier(Circuit.of(PAD), None, 20.0)
     assert not found.shortfalls
     assert found.amplifier_id == "mcp6004"
 
@@ -106,7 +107,7 @@ def test_the_smallest_transistor_that_carries_the_current_is_chosen(current_ma: 
     entry = part_of(PAD, "sunled-xscwd23mb", "emitter").model_dump(mode="json")
     entry["max_current_ma"] |= {"value": current_ma, "low": None, "high": None}
     design = PAD.with_(catalog={"parts": {"sunled-xscwd23mb": entry}})
-    assert transistor_of(design, cavity_of(design).emitters[0].part).transistor_id == name
+    assert transistor_of(Circuit.of(design), cavity_of(design).emitters[0].part).transistor_id == name
     named = [
         one
         for one in check(design.with_(**{"board.transistor": "2n3904"}))

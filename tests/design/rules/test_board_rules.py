@@ -3,32 +3,25 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from optopad.design.circuit.circuit import Circuit
 from optopad.design.circuit.emitter_switch import emitter_switch, most_drive_ma
-from optopad.design.circuit.pins import (
-    assigned_pins,
-    baud_error,
-    board_of,
-    faster_boards,
-    frame_bytes,
-    frame_rate_hz,
-    frame_time_ms,
-    link_time_ms,
-    made_baud,
-    state_count,
-)
+from optopad.design.circuit.link import baud_error, frame_bytes, link_time_ms, made_baud, state_count
+from optopad.design.circuit.pin_rules import faster_boards
 from optopad.design.circuit.transimpedance import counts_per_flux_per_ohm
 from optopad.design.errors import DesignError
 from optopad.design.parts.catalog import find_board, packaged
 from optopad.design.rules.board import firmware_findings
 from optopad.design.rules.check import check
 from optopad.design.shape.cavity import cavity_of
-from optopad.design.spec import BoardUse
+from optopad.design.spec import BoardUse, SensorDesign
+from optopad.fabrication.connections import connections_of
 from optopad.fabrication.sheets.schematic_svg import schematic_svg
 from tests.design.rules.rule_cases import only
 from tests.design.spec.spec_fields import good, with_layout
@@ -38,8 +31,13 @@ MEGA = find_board(packaged(), "arduino-mega-2560")
 CLOCK_HZ = 16_000_000
 
 
+def pins_of(design: SensorDesign) -> tuple[tuple[int, ...], tuple[str, ...]]:
+    circuit = Circuit.of(design)
+    return tuple(path.number for path in circuit.emitters), tuple(path.channel for path in circuit.receivers)
+
+
 def test_pins_and_channels_are_dealt_in_the_boards_order() -> None:
-    pins, channels = assigned_pins(good())
+    pins, channels = pins_of(good())
     assert pins == MEGA.digital_pins[:8] == (22, 23, 24, 25, 26, 27, 28, 29)
     assert channels == ("A0", "A1", "A2", "A3", "A4", "A5", "A6", "A7")
 
@@ -51,7 +49,7 @@ def test_given_pins_and_channels_are_taken_in_their_order() -> None:
             "board.receiver_channels": [f"A{k}" for k in range(8, 16)],
         }
     )
-    assert assigned_pins(design) == (tuple(range(29, 21, -1)), tuple(f"A{k}" for k in range(8, 16)))
+    assert pins_of(design) == (tuple(range(29, 21, -1)), tuple(f"A{k}" for k in range(8, 16)))
     assert check(design) == ()
 
 
@@ -72,7 +70,7 @@ def test_a_bad_pin_list_is_refused_by_rules_and_by_assignment(
     assert (finding.severity, finding.field, finding.value) == ("error", "board.emitter_pins", value)
     assert says(finding.message, words)
     with pytest.raises(DesignError, match=pattern(words)):
-        assigned_pins(design)
+        connections_of(Circuit.of(design))
 
 
 def test_a_channel_that_is_no_analogue_input_is_refused() -> None:
@@ -84,7 +82,7 @@ def test_a_board_with_a_reserved_pin_keeps_it() -> None:
     board = MEGA.model_copy(update={"reserved_pins": (22,), "digital_pins": tuple(range(23, 40))})
     design = good(**{"board.emitter_pins": [22, 23, 24, 25, 26, 27, 28, 29]})
     design = design.with_(**{"catalog.boards": {"arduino-mega-2560": board.model_dump(mode="json")}})
-    assert board_of(design).reserved_pins == (22,)
+    assert Circuit.of(design).board.reserved_pins == (22,)
     assert "pin 22 has another job" in only(design).message
 
 
@@ -114,18 +112,22 @@ def test_a_frame_of_72_readings_is_105_bytes() -> None:
 @pytest.mark.parametrize(("prescaler", "ms"), [(128, 7.488), (64, 3.744), (32, 1.872), (16, 0.936)])
 def test_72_conversions_take_what_the_data_sheet_says(prescaler: int, ms: float) -> None:
     use = BoardUse(adc_prescaler=prescaler, settle_us=0.0)
-    assert frame_time_ms(MEGA, use, 8, 8) - link_time_ms(105, use.baud) == pytest.approx(ms, rel=1e-12)
+    assert replace(Circuit.of(good()), use=use).frame_ms - link_time_ms(105, use.baud) == pytest.approx(
+        ms, rel=1e-12
+    )
 
 
 def test_a_frame_is_states_then_line() -> None:
     # 9 x (20 us + 8 x 52 us) + 105 bytes x 10 bits at 1 Mbaud
-    assert frame_time_ms(MEGA, BoardUse(), 8, 8) == pytest.approx(9 * (0.020 + 8 * 0.052) + 1.05, rel=1e-12)
+    assert replace(Circuit.of(good()), use=BoardUse()).frame_ms == pytest.approx(
+        9 * (0.020 + 8 * 0.052) + 1.05, rel=1e-12
+    )
 
 
 @pytest.mark.parametrize(("prescaler", "measured_hz"), [(128, 129.0), (64, 246.0), (32, 452.0), (16, 746.0)])
 def test_the_sum_is_slower_than_the_firmware_measured(prescaler: int, measured_hz: float) -> None:
     """Rates with 20 us of settling at 1 Mbaud on a simulated ATmega2560, from docs/validation/firmware.md."""
-    allowed_hz = 1000.0 / frame_time_ms(MEGA, BoardUse(adc_prescaler=prescaler), 8, 8)
+    allowed_hz = 1000.0 / replace(Circuit.of(good()), use=BoardUse(adc_prescaler=prescaler)).frame_ms
     # sending takes 1.05 ms of the sum and none of the firmware's time: the more, the shorter the conversions
     assert 0.6 * measured_hz < allowed_hz < measured_hz
 
@@ -199,15 +201,15 @@ def test_a_prescaler_that_the_board_lacks_is_an_error_with_those_that_it_has() -
 def test_a_board_of_3_3_volts_gets_a_circuit_that_its_pins_bear() -> None:
     pad = good(**{"board.kind": "teensy-40", "board.frame_rate_hz": 1000.0})
     assert not [one for one in check(pad) if one.severity == "error"]
-    board, led = board_of(pad), cavity_of(pad).emitters[0].part
+    board, led = Circuit.of(pad).board, cavity_of(pad).emitters[0].part
     assert (board.emitter_v, board.pin_v, board.full_scale_v) == (5.0, 3.3, 3.3)
     mega, teensy = emitter_switch(led, MEGA), emitter_switch(led, board)
     assert teensy.series_ohm == mega.series_ohm
     assert teensy.base_ohm < mega.base_ohm
     assert teensy.base_current_ma == pytest.approx((3.3 - 0.7) / teensy.base_ohm * 1e3)
-    assert teensy.base_current_ma <= most_drive_ma(pad, board)[1]
+    assert teensy.base_current_ma <= most_drive_ma(Circuit.of(pad))[1]
     assert "3.3 V for the amplifiers" in schematic_svg(pad)
-    per_ohm, of_mega = counts_per_flux_per_ohm(pad), counts_per_flux_per_ohm(good())
+    per_ohm, of_mega = counts_per_flux_per_ohm(Circuit.of(pad)), counts_per_flux_per_ohm(Circuit.of(good()))
     assert per_ohm is not None
     assert of_mega is not None
     assert per_ohm[0].value / of_mega[0].value == pytest.approx(4096 / 3.3 / (1024 / 5.0))
@@ -231,7 +233,9 @@ def test_no_two_packaged_boards_are_the_same_to_the_host_or_the_core() -> None:
 def test_the_program_knows_each_pin_and_input_of_each_packaged_board() -> None:
     for name, board in packaged().boards.items():
         most = len(board.digital_pins), len(board.analog_channels)
-        assert list(firmware_findings(good(**{"board.kind": name}), board, *most)) == [], name
+        circuit = Circuit.of(good(**{"board.kind": name}))
+        circuit = replace(circuit, emitter_count=most[0], receiver_count=most[1])
+        assert list(firmware_findings(circuit)) == [], name
 
 
 @pytest.mark.parametrize(
@@ -259,10 +263,10 @@ def test_a_board_without_voltages_is_warned_of() -> None:
 
 def test_the_timing_model_gives_a_teensy_a_thousand_frames_a_second() -> None:
     pad = good(**{"board.kind": "teensy-40"})
-    assert frame_rate_hz(pad) > 1000.0
+    assert Circuit.of(pad).frame_rate_hz > 1000.0
     by_hand = 9 * (0.020 + 8 * 5.2e-3) + frame_bytes(8, 8, 12) / 5e6 * 1e3
-    assert 1e3 / frame_rate_hz(pad) == pytest.approx(by_hand)
-    names = [name for name, _ in faster_boards(good())]
+    assert 1e3 / Circuit.of(pad).frame_rate_hz == pytest.approx(by_hand)
+    names = [name for name, _ in faster_boards(Circuit.of(good()))]
     assert names[0] == "teensy-40"
     assert "raspberry-pi-pico" not in names
 

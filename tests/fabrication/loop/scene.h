@@ -8,7 +8,7 @@
    edges 0|1 | hold_adc_clocks N | emitter PORT BIT MV ... (one a receiver) | dark MV ... | receiver INPUT ADDRESS |
    address PORT BIT (of the multiplexers, lowest first) |
    shift PORT BIT (data, clock, latch of shift registers; an emitter on their output N has PORT Q and BIT N) |
-   converter NAME PIN (mcp3208 or ads8688, chip select; a receiver's INPUT is its number, and ADDRESS its channel) |
+   converter NAME PIN (mcp3208, ads8688 or ads7953, chip select; a receiver's INPUT is its number, and ADDRESS its channel) |
    driver LATCH BLANK OUTPUTS (pins of TLC5947, and how many outputs the chain has; emitters as of shift registers) | say AT_US HEX
    Log: 16-byte records, little-endian: cycle u64, kind u16 (0 byte sent, 1 input held, 2 emitter switched), number u16
    (byte; INPUT + 256 x lowest lit emitter, or their count if none is; 2 x emitter + on), millivolts i32.
@@ -55,7 +55,9 @@ static int address_bit[8], address_count, selected_address;
 static char address_port[8], shift_port[3];
 static int shift_bit[3], shift_count, shift_level[3];
 static uint64_t shifted;
-static int converter_pin[MOST], converter_is_ads[MOST], converter_count;
+enum converter_kind { MCP3208, ADS8688, ADS7953, CONVERTER_KINDS };
+static const char *const converter_names[] = {"mcp3208", "ads8688", "ads7953"};
+static int converter_pin[MOST], converter_kinds[MOST], converter_count;
 static int driver_latch, driver_blank, driver_outputs;
 static double selected_us;
 static double dark_mv[MOST], light_tau_us, amplifier_tau_us, hold_adc_clocks = 1.5, followed_us;
@@ -157,8 +159,8 @@ static void take_converter(char *text) {
     char name[32];
     int i = converter_count++;
     if (converter_count > MOST || sscanf(text, "%31s %d", name, &converter_pin[i]) != 2) refuse("no converter", text);
-    converter_is_ads[i] = !strcmp(name, "ads8688");
-    if (!converter_is_ads[i] && strcmp(name, "mcp3208")) refuse("unknown converter", name);
+    while (converter_kinds[i] < CONVERTER_KINDS && strcmp(name, converter_names[converter_kinds[i]])) converter_kinds[i]++;
+    if (converter_kinds[i] == CONVERTER_KINDS) refuse("unknown converter", name);
 }
 
 static void take_line(char *line) {

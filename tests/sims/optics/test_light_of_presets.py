@@ -11,8 +11,8 @@ from optopad.design.spec.properties import emitter_order
 from optopad.sims.optics.engine.trace_states import ACCURACIES, CLASS_NAMES, Accuracy, trace_scene
 from optopad.sims.optics.scene.lower import scene_of
 from optopad.sims.optics.scene.optical_scene import response_nodes, table_pattern
-from optopad.sims.optics.tracing import pressed_tops
 from tests.design.parts.own_parts import SHEET, own_part, quantity
+from tests.oracle.pressed import pressed_tops
 from tests.sims.optics.form_factors import parallel_factor, perpendicular_factor
 
 CHEAP = Accuracy(reference_rays=1024)

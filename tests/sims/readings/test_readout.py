@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from optopad.design.circuit.circuit import Circuit
 from optopad.design.circuit.transimpedance import fitted_counts_per_flux
 from optopad.design.errors import ModelScopeError
 from optopad.design.preset import preset
@@ -48,7 +49,7 @@ def test_a_receiver_without_a_judged_pair_takes_the_gain_of_all_judged() -> None
 def test_ohms_set_the_gain_whatever_the_light() -> None:
     design = PAIR.with_(**{"gain.feedback_ohm": [1e5, 2e5, 3e5]})
     readout = readout_of(design, FLUX, ALL)
-    assert readout.by_receiver == pytest.approx(fitted_counts_per_flux(design))
+    assert readout.by_receiver == pytest.approx(fitted_counts_per_flux(Circuit.of(design)))
     assert readout.by_receiver[2] == pytest.approx(3 * readout.by_receiver[0])
 
 

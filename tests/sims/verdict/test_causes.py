@@ -11,11 +11,11 @@ from optopad.design.preset import preset
 from optopad.design.shape.cavity import cavity_of, chord_midpoint_mm, direct_path_pairs, facing_pairs
 from optopad.sims.optics.light_signals import LightSignals
 from optopad.sims.optics.scene.lower import scene_of
-from optopad.sims.optics.tracing import pressed_tops
 from optopad.sims.readings.readout import Readout
 from optopad.sims.score.scoring import score
 from optopad.sims.verdict.causes import GONE, WHOLE, causes_of_pad, causes_of_pairs
 from optopad.sims.verdict.pad_map import PadMap, Place
+from tests.oracle.pressed import pressed_tops
 from tests.oracle.tracer import CLASSES, trace_oracle
 from tests.sims.made_up_scores import FULL_SCALE, UNTOUCHED_FLUX, made_up_depths, made_up_pair
 

@@ -15,6 +15,7 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import astuple
 from importlib.metadata import version
 from multiprocessing import active_children, get_context
 
@@ -184,7 +185,7 @@ def assembled(
             [[pad.coefficients - entries[pad.layer_depth] for pad in of_layer] for of_layer in pads]
         ),
         crowned=crowned,
-        residual=np.array([press.residual.as_array() for press in presses]),
+        residual=np.array([astuple(press.residual) for press in presses]),
         recipe=RECIPE,
         versions=(*presses[0].versions, f"numpy {version('numpy')}", f"scipy {version('scipy')}"),
     )

@@ -29,8 +29,9 @@ from optopad.sims.optics.accuracy import ACCURACIES, Accuracy
 from optopad.sims.optics.scene.lower import scene_of
 from optopad.sims.optics.scene.optical_scene import SmoothField, smooth_field
 from optopad.sims.optics.surface.tops import Top, stack_tops, surface_height
-from optopad.sims.optics.tracing import pressed_tops, trace
+from optopad.sims.optics.tracing import trace
 from optopad.sims.press import Indentation
+from tests.oracle.pressed import pressed_tops
 from tests.validation.contact.contact_table import markdown_table, with_table
 from tests.validation.contact.pad_oracle import (
     DEPTHS_MM,

@@ -19,7 +19,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from optopad.design.arrays import IntArray
-from optopad.design.circuit.pins import MS_PER_S, US_PER_S, board_of, frame_time_ms
+from optopad.design.circuit.link import MS_PER_S, US_PER_S
 from optopad.design.io import write_text_atomically
 from optopad.design.preset import FLAT_PRESETS, SHAPED_PRESETS, preset
 from optopad.design.spec import SensorDesign
@@ -65,7 +65,7 @@ class Rate:
     frames, wrong_readings : how many were read, and how many of their readings were not the simulated voltage
     simulator_hz : with the simulator's converter, which starts at once
     edges_hz : with conversions that wait for the next edge of the converter's clock, as on a chip
-    budget_hz : by the plain sum of optopad.design.circuit.pins, which rules and driver.toml rest on
+    budget_hz : by the plain sum of optopad.design.circuit.circuit, which rules and driver.toml rest on
     """
 
     prescaler: int
@@ -84,10 +84,10 @@ def measured(harness: Path, design: SensorDesign, change: str, duration_us: floa
     change : a definition in place of that in config.h
     duration_us : of simulated time
     """
-    settings, board = firmware_settings(design), board_of(design)
+    settings = firmware_settings(design)
     at_once = _counted(harness, design, change, duration_us, edges=False)
     at_edges = _counted(harness, design, change, duration_us, edges=True)
-    budget_ms = frame_time_ms(board, design.board, len(settings.emitters), len(settings.receivers))
+    budget_ms = settings.circuit.frame_ms
     return Rate(
         prescaler=design.board.adc_prescaler,
         frames=at_once.frames + at_edges.frames,
@@ -206,7 +206,7 @@ Nothing here was measured on a real board.
   with the simulated voltage.
 - *Simulator*: its converter starts at once. *With clock edges*: a chip's converter starts at the next edge of its clock
   (the data sheet); the harness around the simulator adds that wait. It is the better guess for a board.
-- *Sum*: settle, convert, then send, one after the other (`design/circuit/pins.py`). Rules and `driver.toml` promise
+- *Sum*: settle, convert, then send, one after the other (`design/circuit/circuit.py`). Rules and `driver.toml` promise
 no more.
 
 ## Frame rates
@@ -266,7 +266,7 @@ def layout_table(layouts: Sequence[tuple[str, Rate]]) -> str:
     rows = []
     for name, rate in layouts:
         settings = firmware_settings(preset(name))
-        readings = f"{len(settings.emitters) + 1} x {len(settings.receivers)}"
+        readings = f"{settings.circuit.state_count} x {settings.circuit.receiver_count}"
         rows.append((name, readings, *in_hz(rate)))
     return table(("preset", "readings a frame", "simulator Hz", "with clock edges Hz", "sum Hz"), rows)
 

@@ -48,7 +48,7 @@ def soak(seconds: float) -> Soak:
     pad = portable_pad(preset("piacenza2017-pad")).with_(**FAST)
     settings = firmware_settings(pad)
     table_mv = random_table(settings)
-    expected = quantised(table_mv, settings.adc_bits)
+    expected = quantised(table_mv, settings.circuit.adc.bits)
     wrong, times_us = 0, []
     with TemporaryDirectory() as scratch:
         folder = Path(scratch)

@@ -22,8 +22,8 @@ from optopad.sims.optics.engine.general import pad as formed_pad
 from optopad.sims.optics.engine.trace_states import RawLight, trace_scene
 from optopad.sims.optics.scene.lower import scene_of
 from optopad.sims.optics.scene.optical_scene import OpticalScene
-from optopad.sims.optics.tracing import pressed_tops
 from tests.oracle.form_scenes import rectangle_form
+from tests.oracle.pressed import pressed_tops
 
 PADS, STATES, SEEDS, DEPTHS_MM = ("piacenza2017-pad", "oblong-60x40"), 9, 6, (0.3, 1.0, 2.0)
 TABLE = Path(__file__).with_name("engines_table.md")

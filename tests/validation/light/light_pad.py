@@ -21,8 +21,8 @@ from optopad.design.preset import preset
 from optopad.design.shape.cavity import cavity_of
 from optopad.sims.optics.engine.trace_states import trace_scene
 from optopad.sims.optics.scene.lower import scene_of
-from optopad.sims.optics.tracing import pressed_tops
 from tests.bench.measures.benchmark_states import different_walls
+from tests.oracle.pressed import pressed_tops
 from tests.validation.contact.contact_table import markdown_table, with_table
 from tests.validation.light.light_figures import Errors, errors_of
 from tests.validation.light.light_table import ERROR_HEAD, PAGE, error_cells

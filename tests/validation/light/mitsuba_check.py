@@ -35,11 +35,11 @@ from optopad.sims.optics.scene.optical_scene import (
     refracted_cosine,
     transmitted_share,
 )
-from optopad.sims.optics.tracing import pressed_tops
 from optopad.sims.press import Indentation
 from tests.bench.measures import surface_mesh
 from tests.bench.measures.benchmark_states import DESIGN_FILE, different_walls
 from tests.bench.measures.surface_mesh import TopMesh, compact_curve, pressed_mesh
+from tests.oracle.pressed import pressed_tops
 from tests.sims.optics.surface.analytic import compact_dimple
 from tests.validation.contact.contact_table import markdown_table, with_table
 

@@ -41,7 +41,7 @@ from optopad.sims.optics.scene.optical_scene import (
     transmitted_share,
 )
 from optopad.sims.optics.surface.tops import Presses
-from optopad.sims.optics.tracing import pressed_tops
+from tests.oracle.pressed import pressed_tops
 from tests.oracle.tracer import trace_oracle
 from tests.oracle.walk import CROSSING
 

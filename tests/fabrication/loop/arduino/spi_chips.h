@@ -1,4 +1,4 @@
-/* Chips on the simulated board's SPI bus, bit by bit: MCP3208 and ADS8688 converters, and a chain of TLC5947.
+/* Chips on the simulated board's SPI bus, bit by bit: MCP3208, ADS8688 and ADS7953 converters, and a chain of TLC5947.
 
    A program that breaks a limit of a data sheet is refused: clock and mode of the bus, time between two frames, two
    chips that drive the data line at once, data latched while the outputs are on. The bus's clock takes its time, and a
@@ -23,7 +23,7 @@
 #define ADS_UNIPOLAR_10V24 5
 
 typedef struct {
-    int is_low, bits, start, selected, held_mv;
+    int is_low, bits, start, selected, held_mv, doubles, sending, converted;
     uint32_t heard;
     uint64_t rose_ns;
     uint8_t range[8];
@@ -97,7 +97,8 @@ static int code_of(int millivolts, double full_scale_mv, int bits) {
 static int hold(int which, int input, uint64_t now_ns) {
     run_drivers(now_ns);
     int held_mv = voltage_at(which, input, now_ns / 1e3);
-    record(now_ns, INPUT_HELD, which * 8 + input + 256 * lit_emitter(), held_mv);
+    int inputs = converter_kinds[which] == ADS7953 ? 16 : 8;
+    record(now_ns, INPUT_HELD, which * inputs + input + 256 * lit_emitter(), held_mv);
     return held_mv;
 }
 
@@ -133,21 +134,53 @@ static void ads8688_obeys(spi_converter *chip) {
     if (word & 0x100 && address >= 5 && address <= 12) chip->range[address - 5] = word & 15;
 }
 
+/* A frame sends the result of the frame before, and converts the input that was held when it began. */
+static int ads7953_bit(spi_converter *chip, int bit) {
+    int at = chip->bits++;
+    chip->heard = chip->heard << 1 | (uint32_t)bit;
+    return at < 16 ? chip->sending >> (15 - at) & 1 : 0;
+}
+
+static void ads7953_begins(int which, spi_converter *chip, uint64_t now_ns) {
+    chip->sending = chip->converted;
+    if (chip->selected < 0) return;
+    chip->held_mv = hold(which, chip->selected, now_ns);
+    chip->converted = chip->selected << 12 | code_of(chip->held_mv, chip->doubles ? 5000 : 2500, 12);
+}
+
+static void ads7953_obeys(spi_converter *chip) {
+    if (chip->bits != 16 || chip->heard >> 12 != 1) refuse("not a frame of the manual mode", "ads7953");
+    if (chip->heard & 0x3f) refuse("power down, or data of its own pins", "ads7953");
+    if (!(chip->heard & 0x800)) return;
+    chip->selected = chip->heard >> 7 & 15;
+    chip->doubles = chip->heard >> 6 & 1;
+}
+
+static int bit_of(int which, int bit, uint64_t now_ns) {
+    spi_converter *chip = &chips[which];
+    if (converter_kinds[which] == ADS8688) return ads8688_bit(chip, bit);
+    return converter_kinds[which] == ADS7953 ? ads7953_bit(chip, bit) : mcp3208_bit(which, chip, bit, now_ns);
+}
+
+static const unsigned least_gap_ns[] = {500, 1150, 325};
+
 static void select_chip(uint8_t pin, int level, uint64_t now_ns) {
     for (int i = 0; i < converter_count; i++) {
         spi_converter *chip = &chips[i];
-        bool is_ads = converter_is_ads[i];
+        int kind = converter_kinds[i];
         if (converter_pin[i] != pin || chip->is_low == !level) continue;
         chip->is_low = !level;
         if (level) {
             chip->rose_ns = now_ns;
-            if (is_ads) ads8688_obeys(chip);
+            if (kind == ADS8688) ads8688_obeys(chip);
+            if (kind == ADS7953) ads7953_obeys(chip);
             continue;
         }
-        if (chip->rose_ns && now_ns - chip->rose_ns < (is_ads ? 1150u : 500u)) refuse("too soon after the last frame", "converter");
+        if (chip->rose_ns && now_ns - chip->rose_ns < least_gap_ns[kind]) refuse("too soon after the last frame", "converter");
         chip->bits = chip->heard = 0;
         chip->start = -1;
-        if (is_ads && chip->selected >= 0) chip->held_mv = hold(i, chip->selected, now_ns);
+        if (kind == ADS7953) ads7953_begins(i, chip, now_ns);
+        if (kind == ADS8688 && chip->selected >= 0) chip->held_mv = hold(i, chip->selected, now_ns);
     }
 }
 
@@ -175,8 +208,9 @@ static void check_bus() {
     for (int i = 0; i < converter_count; i++) {
         if (!chips[i].is_low) continue;
         low++;
-        most_hz = converter_is_ads[i] ? 17e6 : supply_mv >= 4750 ? 2e6 : 1e6;
-        if (bus_settings.mode != (converter_is_ads[i] ? SPI_MODE1 : SPI_MODE0)) refuse("the mode of the bus", "converter");
+        int kind = converter_kinds[i];
+        most_hz = kind == ADS8688 ? 17e6 : kind == ADS7953 ? 20e6 : supply_mv >= 4750 ? 2e6 : 1e6;
+        if (bus_settings.mode != (kind == ADS8688 ? SPI_MODE1 : SPI_MODE0)) refuse("the mode of the bus", "converter");
     }
     if (low > 1) refuse("two chip selects are low", "SPI");
     if (!low && bus_settings.mode != SPI_MODE0) refuse("the mode of the bus", "tlc5947");
@@ -193,7 +227,7 @@ void SpiBus::transfer(void *bytes, size_t count) {
         shift_driver(sent);
         for (int i = 0; i < converter_count; i++) {
             if (!chips[i].is_low) continue;
-            heard = converter_is_ads[i] ? ads8688_bit(&chips[i], sent) : mcp3208_bit(i, &chips[i], sent, core_now_ns());
+            heard = bit_of(i, sent, core_now_ns());
         }
         at[k / 8] = (uint8_t)(heard ? at[k / 8] | mask : at[k / 8] & ~mask);
     }

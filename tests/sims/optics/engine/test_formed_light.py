@@ -14,13 +14,13 @@ from optopad.sims.optics.engine.general import pad as formed_pad
 from optopad.sims.optics.engine.trace_states import CLASS_NAMES, RawLight, trace_scene
 from optopad.sims.optics.scene.lower import scene_of
 from optopad.sims.optics.scene.optical_scene import OpticalScene
-from optopad.sims.optics.tracing import pressed_tops
 from tests.oracle.form_scenes import (
     crown_press,
     disc_scene,
     rectangle_form,
     vault_scene,
 )
+from tests.oracle.pressed import pressed_tops
 from tests.oracle.tracer import trace_oracle
 from tests.sims.optics.surface.analytic import compact_dimple
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from optopad.design.circuit.pins import frame_time_ms
+from optopad.design.circuit.circuit import Circuit
 from optopad.design.preset import preset
 from optopad.design.spec.sensor import CHAIN, PURE, Noise
 from optopad.sims.readings.readout import Readout
@@ -146,9 +146,8 @@ def test_readings_follow_one_another_as_the_frame_does() -> None:
     at = chain().read_at_s
     assert (np.diff(at.reshape(-1)) > 0).all()
     assert at[0, 0] == pytest.approx(DESIGN.board.settle_us * 1e-6)
-    from optopad.design.circuit.pins import board_of
 
-    frame_s = frame_time_ms(board_of(DESIGN), DESIGN.board, 8, 8) / 1e3
+    frame_s = Circuit.of(DESIGN).frame_ms / 1e3
     assert at[-1, -1] < frame_s  # then one conversion and the line
 
 
