@@ -18,7 +18,6 @@ from optopad.design.rules.check import require_valid
 from optopad.design.spec import SensorDesign
 from optopad.design.spec.properties import modulus
 from optopad.fabrication.bundle import bundle, bundle_name
-from optopad.plot_files import write_plot
 from optopad.screen.press import PressView, ProtocolView
 from optopad.sims.contact.force_curve import force_curve
 from optopad.sims.contact.indentation import indent, solved_press
@@ -36,6 +35,7 @@ from optopad.sims.plots.contact import (
     plot_pressure,
     plot_profile,
 )
+from optopad.sims.plots.files import write_plot
 from optopad.sims.plots.style import plain_style
 from optopad.sims.press import depth_schedule_mm
 

@@ -21,9 +21,9 @@ from optopad.design.shape.cavity import CavityGeometry, PlacedPart, cavity_of, c
 from optopad.design.spec import SensorDesign
 from optopad.fabrication.bundle import bundle, bundle_name
 from optopad.jobs.signals import require_presses
-from optopad.plot_files import write_plot
 from optopad.screen.rays import RayView
 from optopad.sims.contact.indentation import solved_press
+from optopad.sims.plots.files import write_plot
 from optopad.sims.plots.ray_sheet import ray_sheet
 from optopad.sims.plots.rays import Cut, cut_across, cut_of_pair, cut_through
 from optopad.sims.plots.style import plain_style
