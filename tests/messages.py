@@ -26,8 +26,8 @@ from tests.design.bad_designs import BAD_DESIGNS, FILE_NAME, design_text, put
 from tests.design.parts import test_catalog
 from tests.design.rules import test_shape_rules
 from tests.optopad.cli import test_cli_bad_input, test_cli_explore, test_cli_parts, test_cli_rays, test_studio
-from tests.optopad.jobs import test_improve
 from tests.optopad.screen.test_one_screen import LACKS, SCORES, cause
+from tests.optopad.verbs import test_improve
 
 FILE = Path(__file__).with_name("messages.txt")
 

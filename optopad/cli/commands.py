@@ -150,5 +150,6 @@ def whole_command() -> Any:
     app = typer.Typer(name="optopad", cls=GroupedHelp, no_args_is_help=True, **TOP, **SETTINGS)
     app.callback()(_options)
     group: Any = typer.main.get_group(app)
-    group.commands = Commands("", [name for names in GROUPS.values() for name in names])
+    names = [name for names in GROUPS.values() for name in names]
+    group.commands = Commands("", sorted(names, key=BELOW.__contains__))
     return group

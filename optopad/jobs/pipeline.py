@@ -366,8 +366,8 @@ def _without_tolerance(
     design: SensorDesign, score: ContinuityScore, sims: Path, seed: int, *, with_page: bool
 ) -> EarlyDrawings | None:
     from optopad.design.shape.cavity import cavity_of
-    from optopad.plot_files import write_bound_plots
     from optopad.report.sections.early import early_drawings
+    from optopad.sims.plots.files import write_bound_plots
     from optopad.sims.readings.readout import save_dataset, signals_dataset
     from optopad.sims.score.maps_file import maps_dataset
 
@@ -393,8 +393,8 @@ def _with_builds(
 def _write_builds(score: ContinuityScore, sims: Path) -> None:
     if score.builds is None or score.tolerance is None:
         return
-    from optopad.plot_files import write_plot
     from optopad.sims.plots.builds import plot_builds
+    from optopad.sims.plots.files import write_plot
     from optopad.sims.plots.style import plain_style
 
     with plain_style():

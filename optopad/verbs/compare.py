@@ -29,13 +29,13 @@ from optopad.design.progress import OnStep, silent
 from optopad.design.rules.check import require_valid
 from optopad.design.spec import SensorDesign
 from optopad.fabrication.bundle import bundle, bundle_name
-from optopad.plot_files import write_plot
 from optopad.report.before_after import compare_html
 from optopad.screen.comparison import MOST_DESIGNS, NAMES, Comparison, Measure, labelled
 from optopad.screen.figures import Better, FigureCell, PadFigures, figures_of
 from optopad.screen.recorded_press import ComparedRecording
 from optopad.screen.shown import Result
 from optopad.sims.learning.recorded_press import recorded_press
+from optopad.sims.plots.files import write_plot
 from optopad.sims.plots.signal import plot_recorded
 from optopad.sims.plots.style import plain_style, svg_text
 from optopad.sims.plots.sweep import plot_sweep

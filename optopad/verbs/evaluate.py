@@ -19,7 +19,6 @@ from optopad.design.progress import OnStep, silent
 from optopad.design.shape.cavity import workspace_of
 from optopad.design.shape.outline import Outline, rectangle
 from optopad.design.spec import SensorDesign
-from optopad.plot_files import write_plot
 from optopad.report.accuracy import accuracy_page
 from optopad.report.sections.drawings import Drawing
 from optopad.screen.output import Told
@@ -29,6 +28,7 @@ from optopad.sims.learning.inference.model_file import load_model
 from optopad.sims.learning.inference.touch_model import TouchModel
 from optopad.sims.learning.tables import ERROR_DEPTHS_MM, judged, needed_samples, published_touch
 from optopad.sims.plots.accuracy import plot_arrows, plot_depths, plot_errors, plot_touch, shown_places_mm
+from optopad.sims.plots.files import write_plot
 from optopad.sims.plots.style import plain_style
 from optopad.sims.readings.dataset import read_data, require_design
 from optopad.sims.readings.press_data import PressData, data_notes

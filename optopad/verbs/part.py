@@ -24,21 +24,6 @@ from optopad.screen.catalogue import new_part_lines
 from optopad.screen.output import Told
 
 KINDS = ("led", "photodiode")
-SHEET = (
-    *("kind", "package", "intensity", "viewing_angle", "half_angle", "wavelength", "current", "max_current"),
-    *(
-        "forward_voltage",
-        "area",
-        "responsivity",
-        "dark_current",
-        "capacitance",
-        "lens",
-        "source",
-        "manufacturer",
-    ),
-    "title",
-)
-"""What is taken from a data sheet."""
 Given = dict[str, Any]
 """Texts of the options by name, with dashes; None for those that were left out."""
 
@@ -157,8 +142,8 @@ def new(
     title : Full name; else NAME.
     out : Catalogue file; the entry is appended if it exists. Default: NAME.toml.
     """
-    words = dict(locals())
-    given: Given = {word.replace("_", "-"): words[word] for word in SHEET}
+    given: Given = {word.replace("_", "-"): text for word, text in locals().items()}
+    given = {word: given[word] for word in given if word not in ("name", "out", "as-json")}
     _require_identifier(name)
     given, prompted = _completed(given, may_prompt=not as_json)
     while True:

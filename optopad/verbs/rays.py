@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,74 +14,27 @@ import numpy as np
 from optopad.cli.options import parsed_press
 from optopad.cli.verb import typed, verb
 from optopad.design.errors import InputError
+from optopad.design.io import write_text_atomically
 from optopad.design.progress import OnStep
 from optopad.design.rules.check import require_valid
 from optopad.design.shape.cavity import CavityGeometry, PlacedPart, cavity_of, chord_midpoint_mm, pair_name
 from optopad.design.spec import SensorDesign
 from optopad.fabrication.bundle import bundle, bundle_name
 from optopad.jobs.signals import require_presses
-from optopad.screen.output import Told
+from optopad.screen.rays import RayView
 from optopad.sims.contact.indentation import solved_press
-from optopad.sims.optics.paths import LightPath
+from optopad.sims.plots.files import write_plot
 from optopad.sims.plots.ray_sheet import ray_sheet
 from optopad.sims.plots.rays import Cut, cut_across, cut_of_pair, cut_through
 from optopad.sims.plots.style import plain_style
-from optopad.sims.rays import KINDS, LOST, Pair, Press, RayChoice, RayState, kind_of, ray_states
+from optopad.sims.rays import Pair, Press, RayChoice, ray_states
 from optopad.work import OUT
 
 PREFIX = "rays"
+Aim = tuple[int | None, int | None]
+"""Number of an emitter and of a receiver, from 0; None for all."""
 DEFAULT_DEPTHS = (0.2, 0.4, 0.8)
 """Depths of the default presses, as fractions of the design's deepest press [-]."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class RayRequest:
-    """A request for a picture of light paths.
-
-    Attributes
-    ----------
-    emitter, receiver : number of the part, from 0, or None for all parts
-    presses : x, y, depth of each press [mm]; if empty, the most informative presses are chosen
-    count : number of paths drawn for the strongest kind of light; weaker kinds get at most this number
-    """
-
-    emitter: int | None = None
-    receiver: int | None = None
-    presses: tuple[Press, ...] = ()
-    count: int = 24
-
-    @property
-    def pair(self) -> Pair | None:
-        """The requested pair; None if the request is not for a single emitter and a single receiver."""
-        return None if self.emitter is None or self.receiver is None else (self.emitter, self.receiver)
-
-
-@dataclass(frozen=True, kw_only=True)
-class RayView:
-    """Content of a picture of light paths.
-
-    Attributes
-    ----------
-    name : name of the requested light, for file names: E2-R5, E2, R5 or all
-    cut : line in plan along which the pad is cut for the pictures
-    states : paths and powers without contact, then under each press
-    is_aimed : whether a single receiver is requested. Powers then refer to the receiver's untouched light, otherwise to
-        the emitted light
-    presses_are : description of why these presses were chosen
-    """
-
-    design: SensorDesign
-    name: str
-    cut: Cut
-    states: tuple[RayState, ...]
-    is_aimed: bool
-    presses_are: str
-    seed: int
-
-    @property
-    def unit(self) -> float:
-        """Reference power of the shown fractions, as a fraction of the emitted power [-]."""
-        return self.states[0].total if self.is_aimed and self.states[0].total > 0.0 else 1.0
 
 
 @verb(
@@ -101,7 +54,7 @@ def rays(
     out: Path = Path(OUT),
     seed: int = 0,
     on_step: OnStep,
-) -> Told:
+) -> RayView:
     """Draw sample paths of light, untouched and pressed: mode 1, mode 2, scattered, lost; pictures in the bundle.
 
     Parameters
@@ -113,16 +66,12 @@ def rays(
     count : Number of paths of the strongest kind of light.
     """
     presses, cavity = tuple(parsed_press(text) for text in press), cavity_of(design)
-    request = RayRequest(
-        emitter=None if emitter is None else part_number(cavity.emitters, emitter, "--emitter"),
-        receiver=None if receiver is None else part_number(cavity.receivers, receiver, "--receiver"),
-        presses=presses,
-        count=count,
+    aim = (
+        None if emitter is None else part_number(cavity.emitters, emitter, "--emitter"),
+        None if receiver is None else part_number(cavity.receivers, receiver, "--receiver"),
     )
-    view = view_rays(design, request, out, seed=seed, on_step=on_step)
-    files = [str(file) for file in write_pictures(view, out)]
-    lines = [*view_lines(view), *(f"file      {file}" for file in files)]
-    return Told(view_json(view) | {"files": files}, lines)
+    view = _view(design, aim, presses, count, out, seed, on_step)
+    return replace(view, files=_pictures(view, out))
 
 
 def part_number(parts: Sequence[PlacedPart], text: str, field: str) -> int:
@@ -141,38 +90,32 @@ def part_number(parts: Sequence[PlacedPart], text: str, field: str) -> int:
     return names.index(wanted)
 
 
-def view_rays(design: SensorDesign, request: RayRequest, out: Path, *, seed: int, on_step: OnStep) -> RayView:
-    """Trace the light paths of a request and their powers; choose the presses if none are given.
-
-    Parameters
-    ----------
-    out : folder of the bundles; presses are chosen from the verdict in the design's bundle, if there is one
-
-    Raises
-    ------
-    DesignError : the design breaks a rule
-    ModelScopeError : a press is outside the workspace, or the models refuse it
-    """
+def _view(
+    design: SensorDesign,
+    aim: Aim,
+    presses: tuple[Press, ...],
+    count: int,
+    out: Path,
+    seed: int,
+    on_step: OnStep,
+) -> RayView:
+    """Trace light paths and their powers; presses are chosen from the verdict in the bundle if none are given."""
     require_valid(design)
     cavity = cavity_of(design)
-    presses, why = request.presses, "as requested"
+    why = "as requested"
     if not presses:
-        presses, why = _telling_presses(
-            design, request.pair, out / bundle_name(design) / "sims" / "score.json"
-        )
+        presses, why = _telling_presses(design, _pair(aim), out / bundle_name(design) / "sims" / "score.json")
     require_presses(design, np.array(presses))
     presses = tuple(press for press in presses if press[2] > 0.0)
     if presses:
         deepest = max(design.operating.max_depth_mm, *(press[2] for press in presses))
         solved_press(design, max_depth_mm=deepest, on_step=lambda share: on_step("contact", share))
-    is_aimed = request.receiver is not None
-    choice = RayChoice(
-        pairs=_pairs(cavity, request), count=request.count, shows_all_losses=not is_aimed, seed=seed
-    )
+    is_aimed = aim[1] is not None
+    choice = RayChoice(pairs=_pairs(cavity, aim), count=count, shows_all_losses=not is_aimed, seed=seed)
     return RayView(
         design=design,
-        name=_name(cavity, request),
-        cut=_cut(cavity, request, presses),
+        name=_name(cavity, aim),
+        cut=_cut(cavity, aim, presses),
         states=ray_states(design, choice, presses, on_step=lambda share: on_step("rays", share)),
         is_aimed=is_aimed,
         presses_are=why,
@@ -180,26 +123,30 @@ def view_rays(design: SensorDesign, request: RayRequest, out: Path, *, seed: int
     )
 
 
-def _pairs(cavity: CavityGeometry, request: RayRequest) -> tuple[Pair, ...]:
-    emitters = range(len(cavity.emitters)) if request.emitter is None else [request.emitter]
-    receivers = range(len(cavity.receivers)) if request.receiver is None else [request.receiver]
+def _pair(aim: Aim) -> Pair | None:
+    """The requested pair; None if the request is not for a single emitter and a single receiver."""
+    return None if aim[0] is None or aim[1] is None else (aim[0], aim[1])
+
+
+def _pairs(cavity: CavityGeometry, aim: Aim) -> tuple[Pair, ...]:
+    emitters = range(len(cavity.emitters)) if aim[0] is None else [aim[0]]
+    receivers = range(len(cavity.receivers)) if aim[1] is None else [aim[1]]
     return tuple((emitter, receiver) for emitter in emitters for receiver in receivers)
 
 
-def _chosen(cavity: CavityGeometry, request: RayRequest) -> list[PlacedPart]:
-    emitters = [] if request.emitter is None else [cavity.emitters[request.emitter]]
-    return emitters + ([] if request.receiver is None else [cavity.receivers[request.receiver]])
+def _chosen(cavity: CavityGeometry, aim: Aim) -> list[PlacedPart]:
+    sides = zip((cavity.emitters, cavity.receivers), aim, strict=True)
+    return [parts[number] for parts, number in sides if number is not None]
 
 
-def _name(cavity: CavityGeometry, request: RayRequest) -> str:
-    return "-".join(part.name for part in _chosen(cavity, request)) or "all"
+def _name(cavity: CavityGeometry, aim: Aim) -> str:
+    return "-".join(part.name for part in _chosen(cavity, aim)) or "all"
 
 
-def _cut(cavity: CavityGeometry, request: RayRequest, presses: Sequence[Press]) -> Cut:
-    chosen = _chosen(cavity, request)
-    if request.pair is not None:
-        return cut_of_pair(cavity, request.pair)
-    if chosen:
+def _cut(cavity: CavityGeometry, aim: Aim, presses: Sequence[Press]) -> Cut:
+    if (pair := _pair(aim)) is not None:
+        return cut_of_pair(cavity, pair)
+    if chosen := _chosen(cavity, aim):
         return cut_across(cavity, chosen[0])
     return cut_through(cavity, *(presses[0][:2] if presses else _middle(cavity)))
 
@@ -265,104 +212,8 @@ def _read_score(file: Path) -> dict[str, Any]:
     return document
 
 
-def view_lines(view: RayView) -> list[str]:
-    """Text with the light of every press by kind of path (mode 1, mode 2, ...), one line per press."""
-    of = "of the untouched light" if view.is_aimed else "of the emitted light"
-    lines = [f"light     {view.name}, powers in % {of}; presses {view.presses_are}"]
-    for state in view.states:
-        x_mm, y_mm, depth_mm = state.press_mm
-        where = f"press {x_mm:6.2f} {y_mm:6.2f}  depth {depth_mm:5.2f} mm" if depth_mm > 0.0 else "untouched"
-        shares = state.power_by_kind
-        kinds = [kind for kind in KINDS if kind.key in shares]
-        words = "  ".join(f"{kind.key} {100 * shares[kind.key] / view.unit:.2f}" for kind in kinds)
-        lines.append(f"{where:<39} total {100 * state.total / view.unit:6.2f}  {words}")
-    return lines
-
-
-def view_json(view: RayView) -> dict[str, Any]:
-    """Powers of the light under each press by kind of path, for JSON; without the paths."""
-    return {
-        "name": view.design.name,
-        "digest": view.design.digest,
-        "seed": view.seed,
-        "light": view.name,
-        "presses_are": view.presses_are,
-        "power_of": "untouched light" if view.is_aimed else "emitted light",
-        "unit_flux": view.unit,
-        "states": [_state_json(state, view.unit) for state in view.states],
-    }
-
-
-def _state_json(state: RayState, unit: float) -> dict[str, Any]:
-    drawn = [kind_of(path.fate).key for path in state.paths]
-    return {
-        "press_mm": list(state.press_mm),
-        "flux_by_class": {name: float(flux.sum()) / state.emitters for name, flux in state.power.items()},
-        "share_by_kind": {key: power / unit for key, power in state.power_by_kind.items()},
-        "share": state.total / unit,
-        "paths_by_kind": {key: drawn.count(key) for key in dict.fromkeys(drawn)} | {"lost": len(state.lost)},
-    }
-
-
-def paths_json(view: RayView) -> dict[str, Any]:
-    """Content of a picture of light paths for JSON: powers, legend, and the points of every path."""
-    document = view_json(view)
-    cavity = cavity_of(view.design)
-    for row, state in zip(document["states"], view.states, strict=True):
-        row["paths"] = [_path_json(path, cavity) for path in state.paths]
-        row["lost_paths"] = [
-            _path_json(path, cavity) | {"kind": LOST.key, "arrived_at": _receiver_name(cavity, former)}
-            for path, former in zip(state.lost, state.lost_by, strict=True)
-        ]
-    kinds = [
-        {"kind": kind.key, "title": kind.title, "mode": kind.mode, "classes": list(kind.classes)}
-        for kind in KINDS
-    ]
-    return document | {"kinds": kinds, "frame": "x, y, z in mm; z = 0 at the bottom of the clear layer"}
-
-
-def _path_json(path: LightPath, cavity: CavityGeometry) -> dict[str, Any]:
-    return {
-        "class": path.fate,
-        "kind": kind_of(path.fate).key,
-        "emitter": cavity.emitters[path.emitter].name,
-        "receiver": _receiver_name(cavity, path.receiver),
-        "ray": path.ray,
-        "places_mm": path.places_mm.round(4).tolist(),
-    }
-
-
-def _receiver_name(cavity: CavityGeometry, number: int) -> str | None:
-    return None if number < 0 else cavity.receivers[number].name
-
-
-def caption(view: RayView) -> str:
-    """Text that explains the lines and numbers in a picture of light paths."""
-    lost = (
-        "Dotted: rays that reached the receiver while the pad was untouched, followed under the press; crosses: where "
-        "they end."
-        if view.is_aimed
-        else "Dotted: light that reaches no receiver; crosses: where it ends."
-    )
-    of = "the light that arrived while the pad was untouched" if view.is_aimed else "the emitted light"
-    return (
-        "Lines are random sample paths of the ray tracer, drawn with a probability proportional to their "
-        f"power; kinds with more power have more lines, but weak kinds are overrepresented. {lost} "
-        f"Percentages are of {of}, from the light model, not from counts of lines. The section shows "
-        f"paths projected from the side. Seed {view.seed}."
-    )
-
-
-def write_pictures(view: RayView, out: Path) -> list[Path]:
-    """Write the picture as SVG and PNG, and its data, into the design's bundle; returns their paths.
-
-    Raises
-    ------
-    OutputError : the folder cannot be written; an earlier bundle is intact
-    """
-    from optopad.design.io import write_text_atomically
-    from optopad.plot_files import write_plot
-
+def _pictures(view: RayView, out: Path) -> tuple[Path, ...]:
+    """Write the picture as SVG and PNG, and its data, into the design's bundle."""
     stem = f"{PREFIX}-{view.name}"
     with bundle(view.design, out, seed=view.seed) as folder, plain_style():
         sims = folder / "sims"
@@ -375,19 +226,11 @@ def write_pictures(view: RayView, out: Path) -> list[Path]:
             view.states,
             view.design,
             view.cut,
-            title=f"{view.design.name}: {_title(view)}",
-            caption=caption(view),
+            title=view.title,
+            caption=view.caption,
             is_of_untouched=view.is_aimed,
         )
         write_plot(figure, sims / stem)
-        write_text_atomically(sims / f"{PREFIX}.json", json.dumps(paths_json(view)) + "\n")
+        write_text_atomically(sims / f"{PREFIX}.json", json.dumps(view.paths_json()) + "\n")
     names = (f"{stem}.svg", f"{stem}.png", f"{PREFIX}.json")
-    return [out / bundle_name(view.design) / "sims" / name for name in names]
-
-
-def _title(view: RayView) -> str:
-    if "-" in view.name:
-        return f"light from {view.name.replace('-', ' to ')}"
-    if view.name == "all":
-        return "light of all emitters"
-    return f"light {'to' if view.is_aimed else 'of'} {view.name}"
+    return tuple(out / bundle_name(view.design) / "sims" / name for name in names)

@@ -23,9 +23,9 @@ from optopad.design.progress import OnStep, silent
 from optopad.design.shape.cavity import cavity_of, is_facing_rows
 from optopad.design.spec import SensorDesign
 from optopad.fabrication.bundle import bundle, bundle_name
-from optopad.plot_files import write_plot
 from optopad.screen.figures import figures_of
 from optopad.screen.sweep import FINE, FULL, Sweep
+from optopad.sims.plots.files import write_plot
 from optopad.sims.score.sweep import SweepRow, disputed, sweep_row, swept_designs
 from optopad.work import OUT, FinishedWork, parsed_value
 

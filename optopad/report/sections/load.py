@@ -19,9 +19,9 @@ from optopad.design.spec import SensorDesign
 from optopad.design.spec.properties import modulus
 from optopad.report.markdown import html_of
 from optopad.report.sections.drawings import PROTOCOL, Drawing
-from optopad.report.sections.published import compared, published_load
 from optopad.report.sections.sensor import Pictures
 from optopad.report.words import part
+from optopad.sims.contact.published_load import compared, published_load
 from optopad.sims.score.result import ContinuityScore
 
 Drawings = dict[str, Drawing]

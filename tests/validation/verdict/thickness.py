@@ -206,7 +206,7 @@ HEAD = (
     "- A deadband: at least 0.3 mm of depth over which the signal changes by less than 3 noise units. The paper judges",
     "  its curves by eye and gives no noise.",
     "- Depth steps twice as long move mode boundaries by up to 0.04 mm, another seed by up to 0.01 mm.",
-    "- `pytest -m slow tests/optopad/jobs/test_paper.py` sweeps a reduced copy and compares it with this table.",
+    "- `pytest -m slow tests/optopad/verbs/test_paper.py` sweeps a reduced copy and compares it with this table.",
     "",
     "## Compared with the paper",
     "",

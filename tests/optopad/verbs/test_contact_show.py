@@ -11,7 +11,7 @@ import pytest
 
 from optopad.cli import main
 from optopad.fabrication.bundle import altered_files
-from optopad.verbs.contact import HOW_TO_RELAX
+from optopad.screen.press import HOW_TO_RELAX
 
 PAD = "piacenza2017-pad"
 RELAXING = [
