@@ -12,6 +12,7 @@ from urllib.parse import urlsplit
 
 import pytest
 
+from optopad.cad.mesh import mold_picture
 from optopad.design.preset import preset
 from optopad.design.spec import SensorDesign
 from optopad.report.page import write_report
@@ -47,6 +48,7 @@ def bundle(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("bundle")
     (folder / "cad").mkdir()
     (folder / "cad" / "mold.stl").write_bytes(tetrahedron_stl())
+    (folder / "cad" / "mold.png").write_bytes(mold_picture(folder / "cad" / "mold.stl"))
     (folder / "fabrication").mkdir()
     (folder / "fabrication" / "wiring.svg").write_text('<svg xmlns="http://www.w3.org/2000/svg"/>')
     written(folder, PAD, dead_score())
