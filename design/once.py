@@ -4,20 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache, wraps
-from typing import TYPE_CHECKING, TypeVar
+from typing import Generic, TypeVar
 
-if TYPE_CHECKING:
-    from optopad.design.spec import SensorDesign
-
+Design = TypeVar("Design")
 Resolved = TypeVar("Resolved")
 KEPT = 32
 """Number of designs whose results are kept."""
 
 
-class _Same:
+class _Same(Generic[Design]):
     """A design, compared by identity, which costs no time."""
 
-    def __init__(self, design: SensorDesign) -> None:
+    def __init__(self, design: Design) -> None:
         self.design = design
 
     def __hash__(self) -> int:
@@ -27,15 +25,15 @@ class _Same:
         return isinstance(other, _Same) and self.design is other.design
 
 
-def once(resolve: Callable[[SensorDesign], Resolved]) -> Callable[[SensorDesign], Resolved]:
+def once(resolve: Callable[[Design], Resolved]) -> Callable[[Design], Resolved]:
     """Decorate a function of a design whose result never changes: it is called once for each design."""
 
     @lru_cache(KEPT)
-    def kept(one: _Same) -> Resolved:
+    def kept(one: _Same[Design]) -> Resolved:
         return resolve(one.design)
 
     @wraps(resolve)
-    def resolved(design: SensorDesign) -> Resolved:
+    def resolved(design: Design) -> Resolved:
         return kept(_Same(design))
 
     return resolved

@@ -133,7 +133,6 @@ __all__ = [
 ]
 
 
-@once
 def modulus_mpa(design: SensorDesign) -> float:
     """Young's modulus of the elastomer [MPa].
 
@@ -205,7 +204,7 @@ def round_press(
 
     Parameters and errors are those of `solved_press`. In a flat rectangular pad, the location has no effect.
     """
-    radius, layer, modulus = tip_radius_mm(design), round(layer_depth(design), 9), modulus_mpa(design)
+    radius, layer, modulus = _pad_numbers(design)
     deepest = _deepest(design, max_depth_mm) / radius
     notes: tuple[str, ...] = ()
     unit: UnitPress | None = None
@@ -231,6 +230,12 @@ def round_press(
         walls_mm=round_walls_mm(design, at_mm),
         notes=notes,
     )
+
+
+@once
+def _pad_numbers(design: SensorDesign) -> tuple[float, float, float]:
+    """Tip radius [mm], elastic layer [tip radii] and modulus [MPa] of a design, which all its presses share."""
+    return tip_radius_mm(design), round(layer_depth(design), 9), modulus_mpa(design)
 
 
 def _deepest(design: SensorDesign, max_depth_mm: float | None) -> float:
