@@ -200,6 +200,7 @@ def _slicing(part: PartFile, one: Sliced) -> list[MoldCheck]:
 
 def design_findings(design: SensorDesign) -> tuple[MoldCheck, ...]:
     """Findings from the design's numbers alone: thinnest webs, lid, lettering, and bodies outside the clear layer."""
+    outline = outline_of(design)
     webs = [
         MoldCheck(
             name=f"mold: {one.name}",
@@ -209,9 +210,9 @@ def design_findings(design: SensorDesign) -> tuple[MoldCheck, ...]:
             state="ok" if one.is_kept else "error",
             note=one.where,
         )
-        for one in tightest(clearances(design))
+        for one in tightest(clearances(outline, design.mold))
     ]
-    tall, deep = bodies_above_rim(design), pockets_below_clear_layer(design)
+    tall, deep = bodies_above_rim(outline), pockets_below_clear_layer(outline)
     return (
         *webs,
         *_lid(design),

@@ -18,6 +18,7 @@ from optopad.design.arrays import FloatArray
 from optopad.design.circuit import link
 from optopad.design.circuit.circuit import Circuit
 from optopad.design.circuit.transimpedance import feedbacks_of
+from optopad.design.pad import Pad
 from optopad.design.recordings import lit_emitters
 from optopad.design.shape.cavity import plan_of, workspace_of
 from optopad.design.shape.outline import PLAIN
@@ -181,7 +182,7 @@ def _board(circuit: Circuit) -> BoardSetup:
         bridge_usb_ids=tuple(board.bridge_usb_ids),
         boot_s=board.boot_s,
         spi_pins=circuit.spi_pins or None,
-        config_crc=None if firmware_gaps(circuit) else firmware_settings(circuit.design).config_crc(),
+        config_crc=None if firmware_gaps(circuit) else firmware_settings(Pad.of(circuit.design)).config_crc(),
         **chips,
     )
 

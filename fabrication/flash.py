@@ -21,8 +21,7 @@ from types import MappingProxyType
 from optopad.design.errors import DeviceError, InputError
 from optopad.design.files import read_bytes, temporary_folder
 from optopad.design.parts.board_firmware import ArduinoProgram, BoardFirmware
-from optopad.design.spec import SensorDesign
-from optopad.fabrication.sketch import MAIN, FirmwareSettings, firmware_settings, sketch_texts, source_text
+from optopad.fabrication.sketch import MAIN, FirmwareSettings, sketch_texts, source_text
 
 COMPILER, COPIER, SIZER = "avr-gcc", "avr-objcopy", "avr-size"
 OPTIONS = (
@@ -64,25 +63,24 @@ def has_compiler() -> bool:
     return all(shutil.which(tool) for tool in (COMPILER, COPIER, SIZER))
 
 
-def compiled_image(design: SensorDesign) -> Image:
-    """Compile the firmware of a design.
+def compiled_image(settings: FirmwareSettings) -> Image:
+    """Compile the firmware.
 
     Raises
     ------
-    DesignError : the design breaks a rule, or the catalogue lacks data about the board.
     DeviceError : no compiler is installed, the compilation failed, or the board is not an AVR board.
     """
     with temporary_folder() as scratch:
         folder = Path(scratch)
-        elf = compile_elf(design, folder)
+        elf = compile_elf(settings, folder)
         copied = folder / "image.hex"
         _run([COPIER, "-O", "ihex", "-R", ".eeprom", str(elf), str(copied)])
         text, data, bss = _sizes(elf)
         return Image(hex_text=copied.read_text("ascii"), flash_bytes=text + data, ram_bytes=data + bss)
 
 
-def compile_elf(design: SensorDesign, folder: Path, changes: Sequence[str] = ()) -> Path:
-    """Compile and link the firmware of a design in a folder; return the path of the program (ELF).
+def compile_elf(settings: FirmwareSettings, folder: Path, changes: Sequence[str] = ()) -> Path:
+    """Compile and link the firmware in a folder; return the path of the program (ELF).
 
     Parameters
     ----------
@@ -90,13 +88,12 @@ def compile_elf(design: SensorDesign, folder: Path, changes: Sequence[str] = ())
 
     Raises
     ------
-    DesignError, DeviceError : for the same reasons as in `compiled_image`.
+    DeviceError : for the same reasons as in `compiled_image`.
     """
-    settings = firmware_settings(design)
     chip = avr_chip(settings)
     if not has_compiler():
         raise DeviceError(f"{COMPILER} is not installed here; {GET_COMPILER}")
-    for name, text in {**sketch_texts(design), MAIN: source_text(MAIN)}.items():
+    for name, text in {**sketch_texts(settings), MAIN: source_text(MAIN)}.items():
         (folder / name).write_text(text, encoding="utf-8")
     elf = folder / "image.elf"
     _run(

@@ -21,11 +21,10 @@ from optopad.design.circuit.circuit import Chips, Circuit
 from optopad.design.circuit.link import US_PER_S, baud_divisor
 from optopad.design.errors import DesignError
 from optopad.design.io import write_text_atomically
+from optopad.design.pad import Pad
 from optopad.design.parts.board_firmware import MUX5, SUPPLY_BITS, ArduinoProgram, BoardFirmware
 from optopad.design.parts.catalog import Converter, LedDriver, Multiplexer
 from optopad.design.rules.board import firmware_findings
-from optopad.design.rules.check import require_valid
-from optopad.design.spec import SensorDesign
 
 PIN_LISTS = {"S": "SHIFT_PINS", "L": "DRIVER_PINS", "M": "ADDRESS_PINS", "U": "SELECT_PINS"}
 """Name in `config.h` of the pins that control chips, by the letter of the chips."""
@@ -97,18 +96,18 @@ class FirmwareSettings:
         return zlib.crc32(self.config_block())
 
 
-def firmware_settings(design: SensorDesign) -> FirmwareSettings:
-    """The firmware's settings for a valid design.
+def firmware_settings(pad: Pad) -> FirmwareSettings:
+    """The firmware's settings for a pad.
 
     Raises
     ------
-    DesignError : the design breaks a rule, or the catalogue does not contain all data about the board.
+    DesignError : the catalogue does not contain all data about the board.
     """
-    require_valid(design)
-    circuit = Circuit.of(design)
+    circuit = pad.circuit
     gaps, chip = firmware_gaps(circuit), circuit.board.firmware or circuit.board.arduino
     if gaps or chip is None:
-        raise DesignError(f"{design.name}: no firmware can be made\n" + "\n".join(f"  {gap}" for gap in gaps))
+        lines = "\n".join(f"  {gap}" for gap in gaps)
+        raise DesignError(f"{pad.design.name}: no firmware can be made\n{lines}")
     return FirmwareSettings(circuit=circuit, chip=chip)
 
 
@@ -314,14 +313,8 @@ def source_text(name: str) -> str:
     return files("optopad.fabrication").joinpath("firmware", "source", name).read_text(encoding="utf-8")
 
 
-def sketch_texts(design: SensorDesign) -> dict[str, str]:
-    """Text of every file in the sketch folder, by file name.
-
-    Raises
-    ------
-    DesignError : the design breaks a rule, or the catalogue does not contain all data about the board.
-    """
-    settings = firmware_settings(design)
+def sketch_texts(settings: FirmwareSettings) -> dict[str, str]:
+    """Text of every file in the sketch folder, by file name."""
     is_avr = isinstance(settings.chip, BoardFirmware)
     fixed = {name: source_text(name) for name in SHARED_FILES + (AVR_FILES if is_avr else PORTABLE_FILES)}
     commands = {
@@ -332,7 +325,7 @@ def sketch_texts(design: SensorDesign) -> dict[str, str]:
     return {**fixed, **commands, CONFIG: config_header(settings)}
 
 
-def write_sketch(design: SensorDesign, folder: Path) -> Path:
+def write_sketch(settings: FirmwareSettings, folder: Path) -> Path:
     """Write the sketch folder into `folder`; remove files for other boards and an outdated compiled program.
 
     Returns
@@ -341,10 +334,9 @@ def write_sketch(design: SensorDesign, folder: Path) -> Path:
 
     Raises
     ------
-    DesignError : the design breaks a rule, or the catalogue lacks data about the board; nothing is written.
     OutputError : the folder cannot be written.
     """
-    texts, sketch = sketch_texts(design), folder / SKETCH
+    texts, sketch = sketch_texts(settings), folder / SKETCH
     sketch.mkdir(parents=True, exist_ok=True)
     if any(_is_other(sketch / name, text) for name, text in texts.items()):
         (folder / IMAGE).unlink(missing_ok=True)

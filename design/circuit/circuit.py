@@ -30,6 +30,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from optopad.design.circuit.link import MS_PER_S, US_PER_MS, frame_bytes, sending_time_ms, state_count
+from optopad.design.once import once
 from optopad.design.parts import catalog
 from optopad.design.parts.catalog import Board, CatalogEntries, Converter, LedDriver, Multiplexer
 from optopad.design.parts.circuits import EMITTER_CHIPS, RECEIVER_CHIPS, BoardChip, named_chip
@@ -172,17 +173,7 @@ class Circuit:
         ------
         DesignError : the board or a chip is not in the catalogue.
         """
-        entries, kinds = entries_of(design), [one.kind for one in expand(design.layout, design.cavity)]
-        circuit = cls(
-            design=design,
-            entries=entries,
-            board=catalog.find_board(entries, design.board.kind),
-            use=design.board,
-            emitter_count=kinds.count("emitter"),
-            receiver_count=kinds.count("receiver"),
-        )
-        assert circuit.chips is not None, "raises if a chip is unknown"
-        return circuit
+        return _circuit_of(design)
 
     @cached_property
     def cavity(self) -> CavityGeometry:
@@ -377,3 +368,18 @@ class Circuit:
     def on(self, name: str) -> Circuit:
         """The circuit with another board of the catalogue."""
         return replace(self.with_use(kind=name), board=self.entries.boards[name])
+
+
+@once
+def _circuit_of(design: SensorDesign) -> Circuit:
+    entries, kinds = entries_of(design), [one.kind for one in expand(design.layout, design.cavity)]
+    circuit = Circuit(
+        design=design,
+        entries=entries,
+        board=catalog.find_board(entries, design.board.kind),
+        use=design.board,
+        emitter_count=kinds.count("emitter"),
+        receiver_count=kinds.count("receiver"),
+    )
+    assert circuit.chips is not None, "raises if a chip is unknown"
+    return circuit

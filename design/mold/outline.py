@@ -25,6 +25,7 @@ from optopad.design.mold.filling import filling_holes
 from optopad.design.mold.label import MoldLabel, mold_label
 from optopad.design.mold.part_numbers import PartNumber, part_numbers
 from optopad.design.mold.sockets import Box, Collar, Hole, Socket, WallFrame, by_wall, raised, socket_of
+from optopad.design.once import once
 from optopad.design.shape.cavity import CavityGeometry, PlacedPart, Plan, cavity_of
 from optopad.design.shape.outline import Outline, Point
 from optopad.design.spec import Mold, SensorDesign
@@ -135,6 +136,7 @@ class MoldOutline:
         return max([self.top_mm, *(collar.top_mm for collar in self.collars)])
 
 
+@once
 def outline_of(design: SensorDesign) -> MoldOutline:
     """Compute the dimensions of a design's mold; `optopad.design.mold.webs` checks whether they can be printed."""
     cavity, mold = cavity_of(design), design.mold

@@ -25,9 +25,9 @@ from dataclasses import dataclass
 from itertools import combinations, pairwise
 
 from optopad.design.fields.quantity import ROUNDING_MM
-from optopad.design.mold.outline import MoldOutline, outline_of
+from optopad.design.mold.outline import MoldOutline
 from optopad.design.mold.sockets import Cut, Hole, Socket, by_wall
-from optopad.design.spec import Mold, SensorDesign
+from optopad.design.spec import Mold
 from optopad.design.spec.fits import clearance_mm
 
 LEDGE_MM = 0.1
@@ -75,21 +75,20 @@ class Clearance:
         return self.parts if self.wall is None else f"{self.parts} on the {self.wall} wall"
 
 
-def clearances(design: SensorDesign) -> tuple[Clearance, ...]:
-    """All clearances of a design's mold, in the order walls, fixing holes, pockets, leads."""
-    outline, web = outline_of(design), design.mold.min_web_mm
+def clearances(outline: MoldOutline, mold: Mold) -> tuple[Clearance, ...]:
+    """All clearances of a mold, in the order walls, fixing holes, pockets, leads."""
+    web = mold.min_web_mm
     return (
-        *_walls(outline, design.mold),
+        *_walls(outline, mold),
         *_between_fixing_holes(outline, web),
-        *_between_pockets(outline, design.mold),
-        *_between_facets(outline, design.mold),
-        *(found for socket in outline.sockets for found in _of_socket(socket, outline, design.mold)),
+        *_between_pockets(outline, mold),
+        *_between_facets(outline, mold),
+        *(found for socket in outline.sockets for found in _of_socket(socket, outline, mold)),
     )
 
 
-def rim_clearances(design: SensorDesign) -> tuple[Clearance, ...]:
+def rim_clearances(outline: MoldOutline) -> tuple[Clearance, ...]:
     """Distance of each part's body below the rim; a taller body is printable but in the way of the blade or lid."""
-    outline = outline_of(design)
     return tuple(
         Clearance(
             name="body below rim",
@@ -112,14 +111,14 @@ def tightest(found: tuple[Clearance, ...]) -> tuple[Clearance, ...]:
     return tuple(worst.values())
 
 
-def bodies_above_rim(design: SensorDesign) -> tuple[str, ...]:
+def bodies_above_rim(outline: MoldOutline) -> tuple[str, ...]:
     """Names of the parts whose body extends above the rim of the mold."""
-    return tuple(one.parts for one in rim_clearances(design) if not one.is_kept)
+    return tuple(one.parts for one in rim_clearances(outline) if not one.is_kept)
 
 
-def pockets_below_clear_layer(design: SensorDesign) -> tuple[str, ...]:
+def pockets_below_clear_layer(outline: MoldOutline) -> tuple[str, ...]:
     """Names of the parts whose pocket extends below the clear layer, into the black layer or the floor."""
-    return tuple(s.part.name for s in outline_of(design).sockets if s.pocket.floor < -ROUNDING_MM)
+    return tuple(s.part.name for s in outline.sockets if s.pocket.floor < -ROUNDING_MM)
 
 
 def _outside(socket: Socket, mold: Mold) -> str:

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from optopad.design.circuit.circuit import Circuit
+from optopad.design.draft import Draft
 from optopad.design.errors import DesignError, ModelScopeError
 from optopad.design.fields.base import leaves
 from optopad.design.fields.finding import NO_VERDICT, OUT_OF_SCOPE, Finding, warning
 from optopad.design.mold.label import label_findings
+from optopad.design.once import once
 from optopad.design.rules.board import board_findings, circuit_findings
 from optopad.design.rules.finish import angle_findings, finish_findings
 from optopad.design.rules.light import (
@@ -29,10 +30,8 @@ from optopad.design.rules.light import (
 from optopad.design.rules.mold import housing_notes, mold_findings, reach_notes, web_findings
 from optopad.design.rules.reference import absent_electronics, entry_findings, part_findings
 from optopad.design.rules.shape import is_spanned, shape_findings, span_findings
-from optopad.design.shape.cavity import CavityGeometry, cavity_of
 from optopad.design.spec import SensorDesign
-from optopad.design.spec.layout import MAX_PER_KIND, Placement, expand
-from optopad.design.spec.properties import entries_of
+from optopad.design.spec.layout import MAX_PER_KIND
 from optopad.design.spec.tolerances import tolerance_findings
 
 __all__ = ["Finding", "check", "notes", "require_scope", "require_valid"]
@@ -41,33 +40,35 @@ SMALLEST_LENGTH_MM = 0.01
 """Smallest plausible length: no printer, mold or caliper resolves less, and the value was probably given in metres."""
 
 
+@once
 def check(design: SensorDesign) -> tuple[Finding, ...]:
     """All errors and warnings about a design: errors first, then those of largest weight.
 
     The rules about locations of parts are left out if the layout has too many: their time grows with the square of the
     number of parts.
     """
-    places = expand(design.layout, design.cavity)
-    counts = _count(places, "emitter"), _count(places, "receiver")
-    unknown = part_findings(design, places)
+    draft = Draft(design)
+    kinds = [place.kind for place in draft.places]
+    counts = kinds.count("emitter"), kinds.count("receiver")
+    unknown = part_findings(draft)
     found = [
         *unknown,
-        *entry_findings(design),
+        *entry_findings(draft),
         *count_findings(*counts),
-        *depth_findings(design),
-        *finish_findings(design),
+        *depth_findings(draft),
+        *finish_findings(draft),
         *label_findings(design),
         *_unit_findings(design),
     ]
-    circuit = Circuit.of(design) if all(counts) and not any(absent_electronics(design)) else None
+    circuit = draft.circuit if all(counts) and not any(absent_electronics(draft)) else None
     if circuit is not None:
         found += board_findings(circuit)
     is_placeable = not unknown and max(counts) <= MAX_PER_KIND
     if is_placeable:
-        found += span_findings(design)
-    if is_placeable and is_spanned(design):
+        found += span_findings(draft)
+    if is_placeable and is_spanned(draft):
         found += tolerance_findings(design)
-        found += _geometry_findings(design, counts)
+        found += _geometry_findings(draft, counts)
         found += circuit_findings(circuit) if circuit is not None else ()
     return by_weight(found)
 
@@ -79,7 +80,8 @@ def by_weight(findings: Iterable[Finding]) -> tuple[Finding, ...]:
 
 def notes(design: SensorDesign) -> tuple[Finding, ...]:
     """Notes about what a user may not expect or know; the design must have no errors."""
-    return (*reach_notes(design), *housing_notes(design))
+    draft = Draft(design)
+    return (*reach_notes(draft), *housing_notes(draft))
 
 
 def require_valid(design: SensorDesign) -> None:
@@ -106,24 +108,20 @@ def require_scope(design: SensorDesign) -> None:
         raise ModelScopeError(outside[0].replace(NO_VERDICT, ""))
 
 
-def _geometry_findings(design: SensorDesign, counts: tuple[int, int]) -> Iterator[Finding]:
-    cavity = cavity_of(design)
-    if design.elastomer.material in entries_of(design).elastomers:
-        yield from material_findings(design)
-    yield from colour_findings(design, cavity)
+def _geometry_findings(draft: Draft, counts: tuple[int, int]) -> Iterator[Finding]:
+    cavity = draft.cavity
+    if draft.design.elastomer.material in draft.entries.elastomers:
+        yield from material_findings(draft)
+    yield from colour_findings(draft)
     yield from angle_findings(cavity)
-    yield from workspace_findings(design, cavity)
+    yield from workspace_findings(draft)
     if all(counts):
-        yield from _layout_findings(design, cavity)
-
-
-def _layout_findings(design: SensorDesign, cavity: CavityGeometry) -> Iterator[Finding]:
-    yield from name_findings(cavity)
-    yield from path_findings(cavity)
-    yield from area_findings(cavity)
-    yield from web_findings(design)
-    yield from mold_findings(design)
-    yield from shape_findings(design)
+        yield from name_findings(cavity)
+        yield from path_findings(cavity)
+        yield from area_findings(cavity)
+        yield from web_findings(draft)
+        yield from mold_findings(draft)
+        yield from shape_findings(draft)
 
 
 def _unit_findings(design: SensorDesign) -> Iterator[Finding]:
@@ -136,7 +134,3 @@ def _unit_findings(design: SensorDesign) -> Iterator[Finding]:
                 limit=f"0, or at least {SMALLEST_LENGTH_MM:g} mm",
                 way_out="lengths are in millimetres: was it given in metres?",
             )
-
-
-def _count(places: tuple[Placement, ...], kind: str) -> int:
-    return sum(place.kind == kind for place in places)

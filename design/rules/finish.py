@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from optopad.design.draft import Draft
 from optopad.design.errors import DesignError
 from optopad.design.fields.finding import Finding, error, warning
 from optopad.design.parts.angular import FLAT_FACE_LEAST_DEG
 from optopad.design.parts.catalog import Part
 from optopad.design.parts.spectrum import CURVES
 from optopad.design.shape.cavity import CavityGeometry
-from optopad.design.spec import SensorDesign
-from optopad.design.spec.properties import entries_of, wall_index
+from optopad.design.spec.properties import wall_index
 
 SHORT_TABLE_DEG = 80.0
 """Angle up to which an angular table should extend; a shorter one causes a warning [deg].
@@ -26,9 +26,9 @@ LONG_LEAST = 1.15
 """Least ratio of length and width of a round body whose axis is recognised."""
 
 
-def finish_findings(design: SensorDesign) -> Iterator[Finding]:
+def finish_findings(draft: Draft) -> Iterator[Finding]:
     """Findings about mirror-like walls: a missing or unused refractive index, or longer computation."""
-    surfaces = design.surfaces
+    surfaces = draft.design.surfaces
     if surfaces.wall_index is not None and surfaces.wall_finish != "glossy":
         yield error(
             "surfaces.wall_index",
@@ -45,13 +45,13 @@ def finish_findings(design: SensorDesign) -> Iterator[Finding]:
             limit="'diffuse' for the fastest run",
             way_out="keep it where the walls are smooth; read the standard errors",
         )
-    if design.mold.material in entries_of(design).mold_materials:
-        yield from _index_findings(design)
+    if draft.design.mold.material in draft.entries.mold_materials:
+        yield from _index_findings(draft)
 
 
-def _index_findings(design: SensorDesign) -> Iterator[Finding]:
+def _index_findings(draft: Draft) -> Iterator[Finding]:
     try:
-        wall_index(design)
+        wall_index(draft.design)
     except DesignError as err:
         where, _, rest = str(err).partition(": ")
         what, _, way_out = rest.partition("; ")

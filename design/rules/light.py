@@ -12,6 +12,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from optopad.design.draft import Draft
 from optopad.design.errors import DesignError
 from optopad.design.fields.finding import Finding, error, mm, outside_models, warning
 from optopad.design.fields.quantity import ROUNDING_MM
@@ -34,9 +35,8 @@ from optopad.design.shape.cavity import (
     facing_pairs,
     is_facing_rows,
     pair_name,
-    plan_of,
 )
-from optopad.design.spec import SensorDesign, properties
+from optopad.design.spec import properties
 from optopad.design.spec.layout import MAX_PER_KIND, Kind
 
 SURROUND_MM = 0.1
@@ -117,11 +117,12 @@ def path_findings(cavity: CavityGeometry) -> Iterator[Finding]:
                 )
 
 
-def workspace_findings(design: SensorDesign, cavity: CavityGeometry) -> Iterator[Finding]:
+def workspace_findings(draft: Draft) -> Iterator[Finding]:
     """Findings about a workspace that is empty, too near to the walls, or away from the judged pairs."""
-    space, radius = cavity.workspace, design.indenter.tip_radius_mm
+    cavity = draft.cavity
+    space, radius = cavity.workspace, draft.design.indenter.tip_radius_mm
     side = min(space.x1_mm - space.x0_mm, space.y1_mm - space.y0_mm)
-    margin = design.operating.workspace_margin_mm
+    margin = draft.design.operating.workspace_margin_mm
     if space.is_empty:
         yield error(
             "operating.workspace_margin_mm",
@@ -152,17 +153,17 @@ def workspace_findings(design: SensorDesign, cavity: CavityGeometry) -> Iterator
     yield from _middle_findings(cavity)
 
 
-def depth_findings(design: SensorDesign) -> Iterator[Finding]:
+def depth_findings(draft: Draft) -> Iterator[Finding]:
     """Findings about a layer outside the contact model's range, or a press too deep for the layer or the model."""
-    yield from _layer_findings(design) if plan_of(design).top.is_flat else _crowned_layer_findings(design)
-    yield from _press_findings(design)
+    yield from _layer_findings(draft) if draft.plan.top.is_flat else _crowned_layer_findings(draft)
+    yield from _press_findings(draft)
 
 
-def _crowned_layer_findings(design: SensorDesign) -> Iterator[Finding]:
-    tip = design.indenter.tip_radius_mm
-    thickest = design.cavity.clear_thickness_mm + design.cavity.black_thickness_mm
+def _crowned_layer_findings(draft: Draft) -> Iterator[Finding]:
+    tip = draft.design.indenter.tip_radius_mm
+    thickest = draft.design.cavity.clear_thickness_mm + draft.design.cavity.black_thickness_mm
     low, high = (radii * tip for radii in CROWNED_LAYER_RANGE)
-    thinnest = thinnest_elastic_mm(design)
+    thinnest = thinnest_elastic_mm(draft)
     if math.isnan(thinnest):
         return  # the crown does not reach the workspace's border, which another finding covers
     if not (low - ROUNDING_MM <= thinnest and thickest <= high + ROUNDING_MM):
@@ -175,8 +176,8 @@ def _crowned_layer_findings(design: SensorDesign) -> Iterator[Finding]:
         )
 
 
-def _layer_findings(design: SensorDesign) -> Iterator[Finding]:
-    elastic, tip = thinnest_elastic_mm(design), design.indenter.tip_radius_mm
+def _layer_findings(draft: Draft) -> Iterator[Finding]:
+    elastic, tip = thinnest_elastic_mm(draft), draft.design.indenter.tip_radius_mm
     thinnest, thickest = (radii * tip for radii in LAYER_DEPTH_RANGE)
     if not thinnest - ROUNDING_MM <= elastic <= thickest + ROUNDING_MM:
         yield outside_models(
@@ -201,9 +202,9 @@ def _layer_findings(design: SensorDesign) -> Iterator[Finding]:
         )
 
 
-def _press_findings(design: SensorDesign) -> Iterator[Finding]:
-    depth, clear = design.operating.max_depth_mm, design.cavity.clear_thickness_mm
-    scope = deepest_modelled_mm(design)
+def _press_findings(draft: Draft) -> Iterator[Finding]:
+    depth, clear = draft.design.operating.max_depth_mm, draft.design.cavity.clear_thickness_mm
+    scope = deepest_modelled_mm(draft)
     if depth > clear - ROUNDING_MM:
         yield error(
             "operating.max_depth_mm",
@@ -226,13 +227,15 @@ def _press_findings(design: SensorDesign) -> Iterator[Finding]:
             "the deepest press is outside the contact model",
             value=f"{depth:g} mm",
             limit=f"at most {mm(scope)}: {LARGEST_SHARE_OF_LAYER:g} x elastic depth and "
-            f"{deepest_of_tip(design):g} x tip radius",
+            f"{deepest_of_tip(draft.design.indenter):g} x tip radius",
             way_out="lower it, thicken the layers, use a larger indenter.tip_radius_mm"
-            + (", or a larger indenter.edge_radius_mm" if design.indenter.shape == "flat_punch" else ""),
+            + (
+                ", or a larger indenter.edge_radius_mm" if draft.design.indenter.shape == "flat_punch" else ""
+            ),
         )
 
 
-def material_findings(design: SensorDesign) -> Iterator[Finding]:
+def material_findings(draft: Draft) -> Iterator[Finding]:
     """Errors about optical or elastic values that the catalogue's tables do not cover."""
     for field, look_up in (
         ("elastomer.refractive_index", properties.refractive_index),
@@ -240,26 +243,26 @@ def material_findings(design: SensorDesign) -> Iterator[Finding]:
         ("elastomer.youngs_modulus_mpa", properties.modulus),
     ):
         try:
-            look_up(design)
+            look_up(draft.design)
         except DesignError as err:
             where, _, rest = str(err).partition(": ")
             what, _, way_out = rest.partition("; ")
             yield error(
                 where if where == "elastomer.mixing_ratio" else "emitters.part",
                 what,
-                value=f"mixing_ratio {design.elastomer.mixing_ratio:g}, {design.emitters.part}",
+                value=f"mixing_ratio {draft.design.elastomer.mixing_ratio:g}, {draft.design.emitters.part}",
                 limit="a value inside the catalogue's table",
                 way_out=way_out or f"give {field}",
             )
 
 
-def colour_findings(design: SensorDesign, cavity: CavityGeometry) -> Iterator[Finding]:
+def colour_findings(draft: Draft) -> Iterator[Finding]:
     """Warnings about emitters whose wavelength differs from the default emitter's, which sets the refractive index."""
-    default = properties.wavelength_um(design) * 1000.0
-    spectrum = properties.part_of(design, design.emitters.part, "emitter").spectrum
+    default = properties.wavelength_um(draft.design) * 1000.0
+    spectrum = properties.part_of(draft.design, draft.design.emitters.part, "emitter").spectrum
     others = {
         part.part_id: part
-        for part in cavity.emitters
+        for part in draft.cavity.emitters
         if part.part.wavelength_nm is not None
         and (abs(part.part.wavelength_nm.value - default) > 1e-6 or part.part.spectrum != spectrum)
     }

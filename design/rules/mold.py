@@ -15,16 +15,14 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from optopad.design.draft import Draft
 from optopad.design.errors import DesignError
 from optopad.design.fields.finding import FAILS, Finding, error, mm, note, warning
 from optopad.design.fields.quantity import ROUNDING_MM
 from optopad.design.mold.filling import is_cast_under_lid
-from optopad.design.mold.outline import MoldOutline, outline_of
+from optopad.design.mold.outline import MoldOutline
 from optopad.design.mold.webs import INSET, Clearance, clearances, rim_clearances
 from optopad.design.parts.catalog import packaged
-from optopad.design.shape.cavity import plan_of
-from optopad.design.spec import SensorDesign
-from optopad.design.spec.properties import elastomer_of, entries_of
 
 FLAT_PAIR = ("kingbright-apt2012zgc", "osram-sfh2400")
 """Packaged LED and photodiode that need the thinnest wall, and whose colours suit each other."""
@@ -133,13 +131,13 @@ WORDS = {
 }
 
 
-def web_findings(design: SensorDesign) -> Iterator[Finding]:
+def web_findings(draft: Draft) -> Iterator[Finding]:
     """Errors about distances in the mold that are too small to print, and warnings about bodies above the rim."""
-    above_rim = () if is_cast_under_lid(plan_of(design)) else rim_clearances(design)  # lids: another rule
-    for finding, found in ((error, clearances(design)), (warning, above_rim)):
+    above_rim = () if is_cast_under_lid(draft.plan) else rim_clearances(draft.outline)  # lids: another rule
+    for finding, found in ((error, clearances(draft.outline, draft.design.mold)), (warning, above_rim)):
         for group in _groups([one for one in found if not one.is_kept]):
             worst, more = min(group, key=lambda one: one.spare_mm), len(group) - 1
-            said, fill = WORDS[worst.name], _filling(worst, design)
+            said, fill = WORDS[worst.name], _filling(worst, draft)
             others = f" (and {more} more position{'s' if more > 1 else ''})" if more else ""
             yield finding(
                 worst.field,
@@ -162,9 +160,9 @@ def _groups(found: list[Clearance]) -> list[list[Clearance]]:
     return list(groups.values())
 
 
-def _filling(one: Clearance, design: SensorDesign) -> dict[str, str | None]:
+def _filling(one: Clearance, draft: Draft) -> dict[str, str | None]:
     """Values of the placeholders in `Words` for one distance; lengths to be added are rounded up."""
-    size = design.cavity
+    size = draft.design.cavity
     length = size.wall_length_mm(one.wall) if one.wall else 0.0
     lacking = math.ceil(round(-2 * one.spare_mm * 100, 6)) / 100
     return {
@@ -177,8 +175,8 @@ def _filling(one: Clearance, design: SensorDesign) -> dict[str, str | None]:
         "overlap": mm(-one.value_mm),
         "twice": mm(lacking),
         "length": f"{length:g} mm",
-        "mouth": "pour lip or cover seat of the cavity" if plan_of(design).is_block else "cavity",
-        "outside": " and ".join(dict.fromkeys(design.mold.outside_fields)),
+        "mouth": "pour lip or cover seat of the cavity" if draft.plan.is_block else "cavity",
+        "outside": " and ".join(dict.fromkeys(draft.design.mold.outside_fields)),
     }
 
 
@@ -192,42 +190,42 @@ OTHER_CURE = re.compile(r"\btin\b|condensation", re.IGNORECASE)
 """Pattern that detects silicones that do not cure with platinum, unlike most clear ones."""
 
 
-def is_inhibited(design: SensorDesign) -> bool:
+def is_inhibited(draft: Draft) -> bool:
     """Whether the mold is printed in resin and the silicone cures with platinum, which may leave it tacky."""
-    found = entries_of(design).mold_materials.get(design.mold.material)
-    silicone = elastomer_of(design)
-    said = " ".join((design.elastomer.material, silicone.title, *silicone.notes))
+    found = draft.entries.mold_materials.get(draft.design.mold.material)
+    silicone = draft.elastomer
+    said = " ".join((draft.design.elastomer.material, silicone.title, *silicone.notes))
     return (
         found is not None
-        and RESIN.search(f"{design.mold.material.replace('_', '-')} {found.title}") is not None
+        and RESIN.search(f"{draft.design.mold.material.replace('_', '-')} {found.title}") is not None
         and OTHER_CURE.search(said) is None
     )
 
 
-def mold_findings(design: SensorDesign) -> Iterator[Finding]:
+def mold_findings(draft: Draft) -> Iterator[Finding]:
     """Findings about the mold's material and options: cure, fits, a glass cover's seat, and a parted mold."""
-    outline = outline_of(design)
-    yield from _cure_findings(design)
-    yield from _fit_findings(design, outline)
-    yield from _cover_findings(design, outline)
-    yield from _piece_findings(design)
+    outline = draft.outline
+    yield from _cure_findings(draft)
+    yield from _fit_findings(draft, outline)
+    yield from _cover_findings(draft, outline)
+    yield from _piece_findings(draft)
 
 
-def _cure_findings(design: SensorDesign) -> Iterator[Finding]:
-    if design.elastomer.material in entries_of(design).elastomers and is_inhibited(design):
+def _cure_findings(draft: Draft) -> Iterator[Finding]:
+    if draft.design.elastomer.material in draft.entries.elastomers and is_inhibited(draft):
         yield warning(
             "mold.material",
             "platinum silicones do not cure against many printed resins: the pad may stay tacky",
-            value=f"'{design.mold.material}'",
+            value=f"'{draft.design.mold.material}'",
             limit="a filament print, or a resin that a test piece has cured on",
             weight=FAILS,
             way_out="print in filament, or wash, post-cure and coat the mold and try some silicone on it first",
         )
 
 
-def _fit_findings(design: SensorDesign, outline: MoldOutline) -> Iterator[Finding]:
+def _fit_findings(draft: Draft, outline: MoldOutline) -> Iterator[Finding]:
     used = sorted({socket.part.part_id for socket in outline.sockets})
-    for part_id in design.mold.fits:
+    for part_id in draft.design.mold.fits:
         if part_id not in used:
             yield error(
                 f"mold.fits.{part_id}",
@@ -238,14 +236,14 @@ def _fit_findings(design: SensorDesign, outline: MoldOutline) -> Iterator[Findin
             )
 
 
-def _cover_findings(design: SensorDesign, outline: MoldOutline) -> Iterator[Finding]:
+def _cover_findings(draft: Draft, outline: MoldOutline) -> Iterator[Finding]:
     if not outline.ledge_mm:
         return
-    if design.mold.rim_mm < LEAST_SEAT_MM:
+    if draft.design.mold.rim_mm < LEAST_SEAT_MM:
         yield error(
             "mold.rim_mm",
             "too low to hold a glass cover in its seat",
-            value=mm(design.mold.rim_mm),
+            value=mm(draft.design.mold.rim_mm),
             limit=f"at least {mm(LEAST_SEAT_MM)}",
             way_out="raise it, best to the cover's thickness, or set mold.cover_ledge_mm = 0",
         )
@@ -262,8 +260,8 @@ def _cover_findings(design: SensorDesign, outline: MoldOutline) -> Iterator[Find
         )
 
 
-def _piece_findings(design: SensorDesign) -> Iterator[Finding]:
-    if design.mold.pieces == "frame_and_base" and design.mold.fixing_hole_diameter_mm == 0:
+def _piece_findings(draft: Draft) -> Iterator[Finding]:
+    if draft.design.mold.pieces == "frame_and_base" and draft.design.mold.fixing_hole_diameter_mm == 0:
         yield error(
             "mold.pieces",
             "frame and base have no fixing",
@@ -273,9 +271,9 @@ def _piece_findings(design: SensorDesign) -> Iterator[Finding]:
         )
 
 
-def reach_notes(design: SensorDesign) -> Iterator[Finding]:
+def reach_notes(draft: Draft) -> Iterator[Finding]:
     """Note about a flat top below the rim, which a flat object larger than the opening cannot touch."""
-    outline = outline_of(design)
+    outline = draft.outline
     above_mm = outline.highest_mm - outline.fill_mm
     if is_cast_under_lid(outline.plan) or outline.ledge_mm or above_mm <= ROUNDING_MM:
         return
@@ -298,26 +296,26 @@ def reach_notes(design: SensorDesign) -> Iterator[Finding]:
     )
 
 
-def housing_notes(design: SensorDesign) -> Iterator[Finding]:
+def housing_notes(draft: Draft) -> Iterator[Finding]:
     """Note about LEDs of the user's own, if a flat packaged pair would have a much smaller housing.
 
     Housings are compared by the areas of the smallest molds, seen from above, that keep all clearances.
     """
-    own = outline_of(design).sockets
+    own = draft.outline.sockets
     emitters = sorted({one.part.part_id for one in own if one.part.kind == "emitter"} - set(packaged().parts))
     if not emitters:
         return
     try:
-        flat = design.with_(**{"emitters.part": FLAT_PAIR[0], "receivers.part": FLAT_PAIR[1]})
+        flat = Draft(draft.design.with_(**{"emitters.part": FLAT_PAIR[0], "receivers.part": FLAT_PAIR[1]}))
     except DesignError:
         return
-    sizes = [_least_outer_mm(one) for one in (design, flat)]
-    if {one.part.part_id for one in outline_of(flat).sockets} != set(FLAT_PAIR) or None in sizes:
+    sizes = [_least_outer_mm(one) for one in (draft, flat)]
+    if {one.part.part_id for one in flat.outline.sockets} != set(FLAT_PAIR) or None in sizes:
         return
     mine, theirs = (size for size in sizes if size is not None)
     if mine[0] * mine[1] <= MUCH_LARGER * theirs[0] * theirs[1]:
         return
-    outline, times = outline_of(design), mine[0] * mine[1] / (theirs[0] * theirs[1])
+    outline, times = draft.outline, mine[0] * mine[1] / (theirs[0] * theirs[1])
     led, diode = FLAT_PAIR
     yield note(
         "emitters.part",
@@ -326,16 +324,16 @@ def housing_notes(design: SensorDesign) -> Iterator[Finding]:
         f"{mine[0]:g} x {mine[1]:g} mm with these parts",
         limit=f"{theirs[0]:g} x {theirs[1]:g} mm for the pair",
         way_out=f"if there is no room, set emitters.part = '{led}', receivers.part = '{diode}', the heights anew, and "
-        f"{INSET} = {design.mold.fixing_hole_diameter_mm / 2 + design.mold.min_web_mm:g}",
+        f"{INSET} = {draft.design.mold.fixing_hole_diameter_mm / 2 + draft.design.mold.min_web_mm:g}",
     )
 
 
-def _least_outer_mm(design: SensorDesign) -> tuple[float, float] | None:
+def _least_outer_mm(draft: Draft) -> tuple[float, float] | None:
     """Length and width of the smallest mold, in steps of 0.5 mm, that violates no clearance which a larger one keeps.
 
     Fixing holes are as near to the outer faces as they may be. None if the schema refuses the sizes.
     """
-    plan, mold = plan_of(design), design.mold
+    plan, mold = draft.plan, draft.design.mold
     is_round = plan.outline.dimensions[0].is_diameter
     inset_mm = mold.fixing_hole_diameter_mm / 2 + mold.min_web_mm
 
@@ -343,8 +341,9 @@ def _least_outer_mm(design: SensorDesign) -> tuple[float, float] | None:
         length, width = plan.length_mm + 2 * wall_mm, plan.width_mm + 2 * wall_mm
         sizes = {"mold.outer_length_mm": length, "mold.outer_width_mm": width}
         sizes = {"mold.outer_diameter_mm": length} if is_round else sizes
-        larger = design.with_(**sizes, **{INSET: inset_mm})
-        return {f"{one.name} {one.where}" for one in clearances(larger) if not one.is_kept}
+        larger = Draft(draft.design.with_(**sizes, **{INSET: inset_mm}))
+        found = clearances(larger.outline, larger.design.mold)
+        return {f"{one.name} {one.where}" for one in found if not one.is_kept}
 
     try:
         others, low, high = violated(WIDEST_MM), 0, round(WIDEST_MM / WALL_STEP_MM)

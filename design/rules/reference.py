@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from functools import partial
 
+from optopad.design.draft import Draft
 from optopad.design.errors import DesignError
 from optopad.design.fields.base import nearest
 from optopad.design.fields.finding import Finding, error
@@ -18,30 +19,31 @@ from optopad.design.parts.circuits import EMITTER_CHIPS, RECEIVER_CHIPS, BoardCh
 from optopad.design.shape.cavity import part_field
 from optopad.design.spec import SensorDesign
 from optopad.design.spec.layout import Kind, Placement
-from optopad.design.spec.properties import entries_of, part_of
+from optopad.design.spec.properties import part_of
 
 Named = tuple[str, Callable[[CatalogEntries, str], object], str]
 """Field of a design, function that looks up a name in the catalogue, and the name in this field."""
 
 
-def part_findings(design: SensorDesign, places: tuple[Placement, ...]) -> list[Finding]:
+def part_findings(draft: Draft) -> list[Finding]:
     """Errors about parts and measured values that do not exist in the catalogue."""
-    return [*_named_findings(design, places), *_measurement_findings(design, entries_of(design))]
+    return [*_named_findings(draft.design, draft.places), *_measurement_findings(draft.design, draft.entries)]
 
 
-def entry_findings(design: SensorDesign) -> Iterator[Finding]:
+def entry_findings(draft: Draft) -> Iterator[Finding]:
     """Errors about materials, boards and chips that do not exist in the catalogue."""
+    design = draft.design
     yield from _absent(
-        design,
+        draft.entries,
         ("elastomer.material", catalog.find_elastomer, design.elastomer.material),
         ("mold.material", catalog.find_mold_material, design.mold.material),
         *_electronics(design),
     )
 
 
-def absent_electronics(design: SensorDesign) -> Iterator[Finding]:
+def absent_electronics(draft: Draft) -> Iterator[Finding]:
     """Errors about a board and chips that do not exist in the catalogue."""
-    yield from _absent(design, *_electronics(design))
+    yield from _absent(draft.entries, *_electronics(draft.design))
 
 
 def _electronics(design: SensorDesign) -> Iterator[Named]:
@@ -57,10 +59,10 @@ def _chip(kind: type[BoardChip], entries: CatalogEntries, name: str) -> object:
     return catalog.find_chip(entries, kind, name)
 
 
-def _absent(design: SensorDesign, *names: Named) -> Iterator[Finding]:
+def _absent(entries: CatalogEntries, *names: Named) -> Iterator[Finding]:
     for field, look_up, name in names:
         try:
-            look_up(entries_of(design), name)
+            look_up(entries, name)
         except DesignError as err:
             yield _not_found(field, name, err)
 

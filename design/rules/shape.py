@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from optopad.design.draft import Draft
 from optopad.design.fields.finding import Finding, error, mm, outside_models
 from optopad.design.fields.quantity import ROUNDING_MM
 from optopad.design.mold.filling import (
@@ -22,11 +23,8 @@ from optopad.design.mold.filling import (
     filling_offsets_mm,
     is_cast_under_lid,
 )
-from optopad.design.mold.outline import outline_of
-from optopad.design.shape.cavity import Plan, cavity_of, part_half_width_mm, plan_of, workspace_of
-from optopad.design.spec import SensorDesign
-from optopad.design.spec.indenter import tip_outline
-from optopad.design.spec.layout import expand
+from optopad.design.shape.cavity import Plan, part_half_width_mm
+from optopad.design.spec.indenter import Indenter, tip_outline
 
 LARGEST_SHARE_OF_LAYER = 0.8
 """Deepest press that the contact model covers, as a share of the layers' total thickness (clear and black) [-]."""
@@ -72,39 +70,38 @@ WALL_RADIUS_RANGE = (3.76126389, 7.5)
 """
 
 
-def thinnest_elastic_mm(design: SensorDesign) -> float:
+def thinnest_elastic_mm(draft: Draft) -> float:
     """Least total thickness of clear and black layer in the workspace [mm]; under a crown this is at the border.
 
     NaN if the crown does not reach the border of the workspace.
     """
-    elastic = design.cavity.clear_thickness_mm + design.cavity.black_thickness_mm
-    plan, space = plan_of(design), workspace_of(design)
+    elastic = draft.design.cavity.clear_thickness_mm + draft.design.cavity.black_thickness_mm
+    plan, space = draft.plan, draft.workspace
     if space.is_empty:
         return elastic
     return elastic - float(plan.top.sag_mm(*space.points(math.pi / 2).T).max())
 
 
-def deepest_modelled_mm(design: SensorDesign) -> float:
+def deepest_modelled_mm(draft: Draft) -> float:
     """Deepest press that the contact model covers for a design [mm]."""
     return min(
-        LARGEST_SHARE_OF_LAYER * thinnest_elastic_mm(design),
-        deepest_of_tip(design) * design.indenter.tip_radius_mm,
+        LARGEST_SHARE_OF_LAYER * thinnest_elastic_mm(draft),
+        deepest_of_tip(draft.design.indenter) * draft.design.indenter.tip_radius_mm,
     )
 
 
-def is_wide(design: SensorDesign) -> bool:
+def is_wide(draft: Draft) -> bool:
     """Whether the walls change presses as little as the contact model covers, without a computation.
 
     A hemisphere's presses change by 17 % of their depth at most; other pads than flat rectangles have no such limit.
     """
-    plan, tip = plan_of(design), design.indenter
+    plan, tip = draft.plan, draft.design.indenter
     narrow = min(plan.length_mm, plan.width_mm) < NARROW * tip.tip_radius_mm
     return not plan.is_block or (tip.shape == "hemisphere" and not narrow)
 
 
-def deepest_of_tip(design: SensorDesign) -> float:
-    """Deepest press that the contact model covers for the shape of a design's tip [tip radii]."""
-    tip = design.indenter
+def deepest_of_tip(tip: Indenter) -> float:
+    """Deepest press that the contact model covers for the shape of a tip [tip radii]."""
     is_sharp = tip.shape == "flat_punch" and tip_outline(tip)[-1].radius < SHARP_EDGE * tip.tip_radius_mm
     return DEEPEST_PUNCH if is_sharp else DEEPEST_PRESS
 
@@ -117,30 +114,30 @@ WIDEST_FACET = 0.5
 """Largest ratio of a facet's half width to the radius of its round wall."""
 
 
-def is_spanned(design: SensorDesign) -> bool:
+def is_spanned(draft: Draft) -> bool:
     """Whether the outline, facets and crown form a valid pad, so that locations on it can be computed."""
-    return not any(finding.severity == "error" for finding in span_findings(design))
+    return not any(finding.severity == "error" for finding in span_findings(draft))
 
 
-def span_findings(design: SensorDesign) -> Iterator[Finding]:
+def span_findings(draft: Draft) -> Iterator[Finding]:
     """Errors about a crown that does not span its pad or has a thin edge, or facets too wide for their round wall."""
-    plan = plan_of(design)
+    plan = draft.plan
     if not plan.top.is_flat:
         yield from _crown_findings(plan)
-    yield from _facet_findings(design, plan)
+    yield from _facet_findings(draft, plan)
 
 
-def shape_findings(design: SensorDesign) -> Iterator[Finding]:
+def shape_findings(draft: Draft) -> Iterator[Finding]:
     """Reasons why a pad with round walls or a crown cannot be cast, or cannot be pressed as requested."""
-    plan = cavity_of(design).plan
+    plan = draft.cavity.plan
     if plan.is_block:
         return
-    yield from _option_findings(design, plan)
-    yield from _outside_findings(design, plan)
+    yield from _option_findings(draft, plan)
+    yield from _outside_findings(draft, plan)
     if not plan.top.is_flat:
-        yield from _lid_findings(design)
-        yield from _filling_findings(plan, design.cavity.size_fields[1])
-        yield from _press_findings(design, plan)
+        yield from _lid_findings(draft)
+        yield from _filling_findings(plan, draft.design.cavity.size_fields[1])
+        yield from _press_findings(draft, plan)
 
 
 def _reach_mm(plan: Plan) -> float:
@@ -171,12 +168,12 @@ def _crown_findings(plan: Plan) -> Iterator[Finding]:
         )
 
 
-def _facet_findings(design: SensorDesign, plan: Plan) -> Iterator[Finding]:
+def _facet_findings(draft: Draft, plan: Plan) -> Iterator[Finding]:
     told: set[str] = set()
-    for place in expand(design.layout, design.cavity):
+    for place in draft.places:
         if place.angle_deg is None:
             continue
-        half, part_id = part_half_width_mm(design, place)
+        half, part_id = part_half_width_mm(draft.design, place)
         arc = plan.outline.arc_towards(place.angle_deg)
         most = WIDEST_FACET * arc.radius_mm
         past = arc.past_end_deg(place.angle_deg, half)
@@ -196,50 +193,50 @@ def _facet_findings(design: SensorDesign, plan: Plan) -> Iterator[Finding]:
                 f"the facet of {part_id} is too wide for its round wall",
                 value=mm(2 * half),
                 limit=f"at most half the diameter, {mm(2 * most)}",
-                way_out=f"use a part with less body_width_mm, or raise {design.cavity.size_fields[1]}",
+                way_out=f"use a part with less body_width_mm, or raise {draft.design.cavity.size_fields[1]}",
             )
 
 
-def _option_findings(design: SensorDesign, plan: Plan) -> Iterator[Finding]:
+def _option_findings(draft: Draft, plan: Plan) -> Iterator[Finding]:
     field = "crown" if is_cast_under_lid(plan) else "cavity.outline"
-    if design.mold.cover_ledge_mm:
+    if draft.design.mold.cover_ledge_mm:
         yield error(
             "mold.cover_ledge_mm",
             "a glass cover needs a flat rectangular pad",
-            value=f"{design.mold.cover_ledge_mm:g} mm",
+            value=f"{draft.design.mold.cover_ledge_mm:g} mm",
             limit=f"0 with this {field}",
             way_out="set it to 0",
         )
-    if design.mold.pieces != "one":
+    if draft.design.mold.pieces != "one":
         yield error(
             "mold.pieces",
             "only the mold of a flat rectangle can be parted",
-            value=f"'{design.mold.pieces}'",
+            value=f"'{draft.design.mold.pieces}'",
             limit=f"'one' with this {field}",
             way_out="set it to 'one'",
         )
 
 
-def _outside_findings(design: SensorDesign, plan: Plan) -> Iterator[Finding]:
+def _outside_findings(draft: Draft, plan: Plan) -> Iterator[Finding]:
     along, across = (
         (outer - inner) / 2
         for outer, inner in (
-            (design.mold.outer_length_mm, plan.length_mm),
-            (design.mold.outer_width_mm, plan.width_mm),
+            (draft.design.mold.outer_length_mm, plan.length_mm),
+            (draft.design.mold.outer_width_mm, plan.width_mm),
         )
     )
     if plan.outline.bare.arcs and abs(along - across) > ROUNDING_MM:
         yield error(
-            design.mold.outside_fields[0],
+            draft.design.mold.outside_fields[0],
             "the walls of a mold with round walls must be equally thick all around",
             value=f"walls of {mm(along)} along x, {mm(across)} along y",
             limit="the same for both",
-            way_out=f"set it to {plan.length_mm + 2 * across:g} mm, or change {design.mold.outside_fields[1]}",
+            way_out=f"set it to {plan.length_mm + 2 * across:g} mm, or change {draft.design.mold.outside_fields[1]}",
         )
 
 
-def _lid_findings(design: SensorDesign) -> Iterator[Finding]:
-    if design.mold.fixing_hole_diameter_mm == 0:
+def _lid_findings(draft: Draft) -> Iterator[Finding]:
+    if draft.design.mold.fixing_hole_diameter_mm == 0:
         yield error(
             "mold.fixing_hole_diameter_mm",
             "the lid that shapes the crown has no fixing",
@@ -247,7 +244,7 @@ def _lid_findings(design: SensorDesign) -> Iterator[Finding]:
             limit="above 0: the lid's pins go into them",
             way_out="give fixing holes, preferably of 2 to 4 mm",
         )
-    outline = outline_of(design)
+    outline = draft.outline
     high = [s.part for s in outline.sockets if s.part.body_top_mm > outline.top_mm + ROUNDING_MM]
     if high:
         worst = max(high, key=lambda part: part.body_top_mm)
@@ -274,9 +271,9 @@ def _filling_findings(plan: Plan, size_field: str) -> Iterator[Finding]:
         )
 
 
-def _press_findings(design: SensorDesign, plan: Plan) -> Iterator[Finding]:
-    space, depth = workspace_of(design), design.operating.max_depth_mm
-    yield from _crowned_contact_findings(design, plan)
+def _press_findings(draft: Draft, plan: Plan) -> Iterator[Finding]:
+    space, depth = draft.workspace, draft.design.operating.max_depth_mm
+    yield from _crowned_contact_findings(draft, plan)
     if space.is_empty:
         return
     corner = space.clamped(0.0, 0.0)
@@ -291,13 +288,13 @@ def _press_findings(design: SensorDesign, plan: Plan) -> Iterator[Finding]:
         )
 
 
-def _crowned_contact_findings(design: SensorDesign, plan: Plan) -> Iterator[Finding]:
-    tip, bend = design.indenter.tip_radius_mm, plan.top.mean_curvature
-    if design.indenter.shape != "hemisphere":
+def _crowned_contact_findings(draft: Draft, plan: Plan) -> Iterator[Finding]:
+    tip, bend = draft.design.indenter.tip_radius_mm, plan.top.mean_curvature
+    if draft.design.indenter.shape != "hemisphere":
         yield outside_models(
             "indenter.shape",
             "only a hemisphere is pressed into a crowned pad",
-            value=f"'{design.indenter.shape}'",
+            value=f"'{draft.design.indenter.shape}'",
             limit="'hemisphere'",
             way_out="use one, or leave the crown out",
         )
@@ -324,8 +321,8 @@ def _crowned_contact_findings(design: SensorDesign, plan: Plan) -> Iterator[Find
         )
         return
     fall = bend * wall**2 / (1.0 + math.sqrt(1.0 - reach**2))
-    corner = workspace_of(design).clamped(0.0, 0.0)
-    elastic = design.cavity.clear_thickness_mm + design.cavity.black_thickness_mm
+    corner = draft.workspace.clamped(0.0, 0.0)
+    elastic = draft.design.cavity.clear_thickness_mm + draft.design.cavity.black_thickness_mm
     thinnest = float((elastic - plan.top.sag_mm(*corner)) / plan.top.normal(*corner)[2])
     if not thinnest - fall >= LEAST_RIM_SHARE * thinnest:
         yield outside_models(

@@ -33,6 +33,7 @@ import numpy as np
 
 from optopad.design.arrays import BoolArray, FloatArray
 from optopad.design.errors import DesignError
+from optopad.design.once import once
 from optopad.design.parts.catalog import Part
 from optopad.design.shape.outline import Arc, Line, Outline, Point, outline_in
 from optopad.design.shape.top import Top
@@ -180,8 +181,13 @@ class Plan:
         return self.area_mm2 * self.clear_mm - float(weight @ self.top.sag_mm(x, y))
 
 
-def plan_of(design: SensorDesign, facets: Sequence[Line] = ()) -> Plan:
-    """Outline and top of a design's pad; `facets` are the flat facets of its parts in round walls."""
+@once
+def plan_of(design: SensorDesign) -> Plan:
+    """Outline and top of a design's pad, without the facets of its parts in round walls."""
+    return _plan(design, ())
+
+
+def _plan(design: SensorDesign, facets: Sequence[Line]) -> Plan:
     size, crown = design.cavity, design.crown
     box = (0.0, 0.0, size.length_mm, size.width_mm)
     outline = outline_in(size.outline, box, facets)
@@ -332,6 +338,7 @@ class CavityGeometry:
         return next(line.length_mm for line in self.plan.walls if line.name == wall)
 
 
+@once
 def cavity_of(design: SensorDesign) -> CavityGeometry:
     """Compute the cavity of a design and the positions of its optical parts.
 
@@ -340,10 +347,10 @@ def cavity_of(design: SensorDesign) -> CavityGeometry:
     DesignError : a part is not in the catalogue, or is of the other kind (emitter or receiver).
     """
     size = design.cavity
-    bare = plan_of(design)
-    placed = tuple(_placed(design, place, bare) for place in expand(design.layout, size))
+    bare, parts = plan_of(design), dict[tuple[str, Kind], Part]()
+    placed = tuple(_placed(design, place, bare, parts) for place in expand(design.layout, size))
     return CavityGeometry(
-        plan=plan_of(design, [part.line for part in placed if part.line not in bare.walls]),
+        plan=_plan(design, [part.line for part in placed if part.line not in bare.walls]),
         black_mm=size.black_thickness_mm,
         emitters=tuple(part for part in placed if part.kind == "emitter"),
         receivers=tuple(part for part in placed if part.kind == "receiver"),
@@ -352,6 +359,7 @@ def cavity_of(design: SensorDesign) -> CavityGeometry:
     )
 
 
+@once
 def workspace_of(design: SensorDesign) -> Outline:
     """Area of the permitted press locations, with the required margin from tip to wall; empty for a small pad."""
     size, inset = design.cavity, design.indenter.tip_radius_mm + design.operating.workspace_margin_mm
@@ -379,13 +387,17 @@ def part_half_width_mm(design: SensorDesign, place: Placement) -> tuple[float, s
     return body / 2 + clearance_mm(design.mold, part_id), part_id
 
 
-def _placed(design: SensorDesign, place: Placement, bare: Plan) -> PlacedPart:
+def _placed(
+    design: SensorDesign, place: Placement, bare: Plan, parts: dict[tuple[str, Kind], Part]
+) -> PlacedPart:
     section = design.emitters if place.kind == "emitter" else design.receivers
     part_id = place.part or section.part
-    try:
-        part = part_of(design, part_id, place.kind)
-    except DesignError as err:
-        raise DesignError(f"{part_field(place)}: {err}") from None
+    if (part_id, place.kind) not in parts:
+        try:
+            parts[part_id, place.kind] = part_of(design, part_id, place.kind)
+        except DesignError as err:
+            raise DesignError(f"{part_field(place)}: {err}") from None
+    part = parts[part_id, place.kind]
     line, along = next((wall for wall in bare.walls if wall.name == place.wall), None), place.along_mm
     if line is None:
         half = part_half_width_mm(design, place)[0]

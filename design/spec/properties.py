@@ -16,6 +16,7 @@ from optopad.design.fields.base import get_at
 from optopad.design.fields.packaged import data_table
 from optopad.design.fields.quantity import NM_PER_UM, Confidence, absorption_per_mm, lambertian_order
 from optopad.design.fields.sheet_names import sheet_name_hint
+from optopad.design.once import once
 from optopad.design.parts import catalog
 from optopad.design.parts.catalog import CatalogEntries, Elastomer, Part, Quantity
 from optopad.design.parts.spectrum import SpectralIndex, spectral_index
@@ -30,6 +31,7 @@ ADDED_UNITS = {"emitter": {"radiant_power_mw": "mW"}, "receiver": {"epoxy_index"
 """Units of values that a measurement may add to a part whose catalogue entry lacks them."""
 
 
+@once
 def entries_of(design: SensorDesign) -> CatalogEntries:
     """The packaged catalogue with the design's own entries, which take precedence."""
     return catalog.merged(catalog.packaged(), design.catalog)

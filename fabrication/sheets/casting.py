@@ -18,6 +18,7 @@ from optopad.design.circuit.transimpedance import (
     full_scale_counts,
     settling_findings,
 )
+from optopad.design.draft import Draft
 from optopad.design.mold.filling import is_cast_under_lid
 from optopad.design.mold.outline import outline_of
 from optopad.design.mold.webs import bodies_above_rim, pockets_below_clear_layer
@@ -89,12 +90,12 @@ def _casting(design: SensorDesign) -> dict[str, Any]:
         },
         "kinds": _kinds(design, cavity.parts),
         "under_lid": is_cast_under_lid(cavity.plan),
-        "low_pockets": pockets_below_clear_layer(design),
-        "above_rim": bodies_above_rim(design),
+        "low_pockets": pockets_below_clear_layer(outline_of(design)),
+        "above_rim": bodies_above_rim(outline_of(design)),
         "cover_mm": [side + 2 * ledge - COVER_PLAY_MM for side in (size.length_mm, size.width_mm)],
         "hands_minutes": len(layers) * (HANDS_MINUTES + assumption("degas_minutes").value),
         "coldest": min(elastomer.cure, key=lambda way: way.temperature_c, default=None),
-        "is_inhibited": is_inhibited(design),
+        "is_inhibited": is_inhibited(Draft(design)),
         "heights": {part.height_field: part.height_mm for part in cavity.parts},
     }
 

@@ -433,16 +433,17 @@ def _write_fabrication(
 ) -> tuple[BomRow, ...]:
     """Write sheets and firmware; return the rows of the bill of materials."""
     from optopad.design.circuit.circuit import Circuit
+    from optopad.design.pad import Pad
     from optopad.fabrication.sheets.all_sheets import write_sheets
     from optopad.fabrication.sheets.bom import bom_rows
     from optopad.fabrication.sheets.prices import priced
-    from optopad.fabrication.sketch import firmware_gaps, write_sketch
+    from optopad.fabrication.sketch import firmware_gaps, firmware_settings, write_sketch
 
     rows = priced(bom_rows(design, gain, mold_mm3), prices or {})
     (folder / "fabrication").mkdir(exist_ok=True)
     write_sheets(design, folder / "fabrication", gain, rows)
     if not firmware_gaps(Circuit.of(design)):  # a board that cannot be programmed has its warning
-        write_sketch(design, folder / "fabrication" / "firmware")
+        write_sketch(firmware_settings(Pad.of(design)), folder / "fabrication" / "firmware")
     return rows
 
 

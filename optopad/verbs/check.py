@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import asdict
 
 from optopad.cli.verb import Asked, verb
+from optopad.design.draft import Draft
 from optopad.design.errors import DesignError, ModelScopeError
 from optopad.design.fields.finding import Finding
 from optopad.design.rules.check import by_weight, notes, require_scope, require_valid
@@ -42,7 +43,7 @@ def check_command(design: SensorDesign, *, details: bool = False, asked: Asked) 
 
 def _contact_findings(design: SensorDesign) -> Iterator[Finding]:
     """Findings of the contact model, whose libraries are not loaded for a hemisphere on a pad of ordinary size."""
-    if is_wide(design):
+    if is_wide(Draft(design)):
         return
     try:
         require_valid(design)

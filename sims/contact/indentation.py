@@ -37,8 +37,10 @@ from functools import lru_cache
 
 import numpy as np
 
+from optopad.design.draft import Draft
 from optopad.design.errors import DesignError, InputError, ModelScopeError
 from optopad.design.fields.finding import NO_VERDICT, Finding, outside_models
+from optopad.design.once import once
 from optopad.design.rules.check import require_scope
 from optopad.design.rules.shape import CROWNED_LAYER_RANGE, NEAREST_WALL, is_wide
 from optopad.design.shape.cavity import cavity_of, plan_of, workspace_of
@@ -131,6 +133,7 @@ __all__ = [
 ]
 
 
+@once
 def modulus_mpa(design: SensorDesign) -> float:
     """Young's modulus of the elastomer [MPa].
 
@@ -144,6 +147,7 @@ def modulus_mpa(design: SensorDesign) -> float:
     return modulus
 
 
+@once
 def is_in_library(design: SensorDesign) -> bool:
     """Whether the shipped library covers a design, with a hemispherical tip and a layer thickness in its range."""
     return tip_of(design.indenter) == HEMISPHERE and shipped_library().covers(round(layer_depth(design), 9))
@@ -185,7 +189,7 @@ def solved_press(
         if at_mm is not None:
             require_place(design, at_mm)
         return press
-    placed, told = _placed(design, press.smooth, at_mm, _deepest(design, max_depth_mm) / press.tip_radius_mm)
+    placed, told = _placed(design, press, at_mm, _deepest(design, max_depth_mm))
     return replace(press, placed=placed, notes=press.notes + told)
 
 
@@ -237,19 +241,19 @@ def _deepest(design: SensorDesign, max_depth_mm: float | None) -> float:
 
 
 def _placed(
-    design: SensorDesign, smooth: SmoothPress, at_mm: tuple[float, float] | None, deepest: float
+    design: SensorDesign, press: SolvedPress, at_mm: tuple[float, float] | None, deepest_mm: float
 ) -> tuple[PlacedPress | None, tuple[str, ...]]:
     """Presses corrected for the rectangular pad's own walls at a location, and notes for the user.
 
     `at_mm` None is the middle. If the pad is too small for the wall model there, the presses are None and a note says
     why. If the wall model does not cover a given location, it raises `ModelScopeError` instead.
     """
-    cavity, tip = design.cavity, tip_radius_mm(design)
+    cavity, smooth, tip = design.cavity, press.smooth, press.tip_radius_mm
     size = cavity.length_mm / tip, cavity.width_mm / tip
     at = (0.5 * size[0], 0.5 * size[1]) if at_mm is None else (at_mm[0] / tip, at_mm[1] / tip)
     try:
         placed = PlacedPress(smooth=smooth, size=size, at=at)
-        placed.round_depth(min(deepest, smooth.deepest))
+        placed.round_depth(min(deepest_mm / tip, smooth.deepest))
     except ModelScopeError as err:
         if at_mm is not None:
             raise
@@ -274,7 +278,7 @@ def wall_findings(design: SensorDesign) -> Iterator[Finding]:
     """
     tip, space = tip_radius_mm(design), workspace_of(design)
     size = design.cavity.length_mm / tip, design.cavity.width_mm / tip
-    if is_wide(design) or space.is_empty:
+    if is_wide(Draft(design)) or space.is_empty:
         return
     layer, wall, depth = layer_depth(design), wall_radius(design), design.operating.max_depth_mm / tip
 

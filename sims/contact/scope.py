@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from optopad.design.arrays import FloatArray
+from optopad.design.draft import Draft
 from optopad.design.errors import DesignError, InputError, ModelScopeError
+from optopad.design.once import once
 from optopad.design.rules.shape import (
     DEEPEST_PRESS,
     LARGEST_SHARE_OF_LAYER,
@@ -105,6 +107,7 @@ def half_width_of(radius: float) -> float:
     return 0.5 * math.sqrt(math.pi) * radius
 
 
+@once
 def wall_radius(design: SensorDesign) -> float:
     """Radius of the round pad with the area of the design's pad [tip radii], clipped to `WALL_RADIUS_RANGE`."""
     radius = math.sqrt(plan_of(design).area_mm2 / math.pi) / tip_radius_mm(design)
@@ -112,15 +115,17 @@ def wall_radius(design: SensorDesign) -> float:
     return min(max(radius, low), high)
 
 
+@once
 def mean_crown(design: SensorDesign) -> float:
     """Tip radius times the mean curvature of the undeformed top [-]; 0 for a flat top."""
     return tip_radius_mm(design) * plan_of(design).top.mean_curvature
 
 
+@once
 def depth_limit_mm(design: SensorDesign) -> float:
     """Deepest press that the contact model covers at every location of the design's pad [mm]."""
     tip_radius_mm(design), elastic_depth_mm(design)  # raises if values are not numbers
-    return deepest_modelled_mm(design)
+    return deepest_modelled_mm(Draft(design))
 
 
 def require_depth(design: SensorDesign, depth_mm: float, name: str) -> float:
@@ -137,7 +142,7 @@ def require_depth(design: SensorDesign, depth_mm: float, name: str) -> float:
     if depth_mm > limit + 1e-9:
         raise ModelScopeError(
             f"{name}: {depth_mm:g} mm is deeper than the contact model covers: {limit:g} mm, the smaller of "
-            f"{LARGEST_SHARE_OF_LAYER} of the elastic depth and {deepest_of_tip(design):g} tip radii; "
+            f"{LARGEST_SHARE_OF_LAYER} of the elastic depth and {deepest_of_tip(design.indenter):g} tip radii; "
             "press less deep or make the pad thicker"
         )
     return depth_mm

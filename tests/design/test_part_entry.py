@@ -4,6 +4,7 @@ import tomllib
 
 import pytest
 
+from optopad.design.draft import Draft
 from optopad.design.errors import InputError
 from optopad.design.part_entry import LedSheet, PhotodiodeSheet, part_entry
 from optopad.design.parts.catalog import packaged, parse_entries
@@ -159,7 +160,7 @@ def test_a_flat_pair_is_suggested_where_the_housing_is_half_as_large_again():
     found = {}
     for lens in ("kept", "filed"):  # 8.6 and 6.1 mm deep
         led, diode = part_entry(replaced(LEDS["red"], lens=lens)), part_entry(SFH213)
-        found[lens] = [str(one) for one in housing_notes(with_all([led, diode], **small))]
+        found[lens] = [str(one) for one in housing_notes(Draft(with_all([led, diode], **small)))]
     assert found["filed"] == []
     (said,) = found["kept"]
     assert f"the housing of {led.part_id} is 1.7 times as large" in said

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from optopad.design.arrays import FloatArray, IntArray
 from optopad.design.circuit.circuit import Chips
 from optopad.design.circuit.circuit import Path as PinPath
+from optopad.design.pad import Pad
 from optopad.design.parts.board_firmware import BoardFirmware
 from optopad.design.parts.catalog import find_board
 from optopad.design.parts.circuits import Converter, LedDriver, ShiftRegister
@@ -285,7 +286,7 @@ def elf_of(design: SensorDesign, folder: Path, changes: Sequence[str] = ()) -> P
     """The compiled firmware in a folder; each is compiled once."""
     key, elf = (design.digest, tuple(changes)), folder / "image.elf"
     if key not in _COMPILED:
-        _COMPILED[key] = compile_elf(design, folder, changes).read_bytes()
+        _COMPILED[key] = compile_elf(firmware_settings(Pad.of(design)), folder, changes).read_bytes()
     elf.write_bytes(_COMPILED[key])
     return elf
 
@@ -294,9 +295,9 @@ def native_program(design: SensorDesign, folder: Path, changes: Sequence[str] = 
     """The portable program with the simulated board around it, for this machine; each is compiled once."""
     key, program = (design.digest, tuple(changes)), folder / "board"
     if key not in _COMPILED:
-        sketch = write_sketch(design, folder)
+        sketch = write_sketch(firmware_settings(Pad.of(design)), folder)
         command = ["g++", "-O1", *PORTABLE_OPTIONS, f"-I{LAYER}", f"-I{sketch}", "-include", "Arduino.h"]
-        command += [f"-D{name}" for name in (firmware_settings(design).chip.core_macro, *changes)]
+        command += [f"-D{name}" for name in (firmware_settings(Pad.of(design)).chip.core_macro, *changes)]
         sources = [sketch / "core.cpp", "-xc++", sketch / "optopad.ino", LAYER / "board.cpp"]
         subprocess.run([*command, *map(str, sources), "-o", str(program), "-lutil"], check=True)
         _COMPILED[key] = program.read_bytes()
@@ -307,7 +308,7 @@ def native_program(design: SensorDesign, folder: Path, changes: Sequence[str] = 
 
 def harness_name(design: SensorDesign) -> str:
     """The fixture with the simulator of a design's board; it skips where a tool is missing."""
-    is_avr = isinstance(firmware_settings(design).chip, BoardFirmware)
+    is_avr = isinstance(firmware_settings(Pad.of(design)).chip, BoardFirmware)
     return "board_harness" if is_avr else "native_harness"
 
 
@@ -346,7 +347,7 @@ def simulate(
     return run_program(
         program_of(harness, design, folder, changes),
         folder,
-        firmware_settings(design),
+        firmware_settings(Pad.of(design)),
         table_mv,
         said,
         duration_us=duration_us,
@@ -381,7 +382,7 @@ def board_on_a_port(
 ) -> Iterator[str]:
     """A simulated board on a pseudo-terminal, no faster than real time; the name of the port."""
     program, scene = program_of(harness, design, folder), folder / "scene"
-    scene.write_text(scene_text(firmware_settings(design), table_mv), encoding="ascii")
+    scene.write_text(scene_text(firmware_settings(Pad.of(design)), table_mv), encoding="ascii")
     command = [*program, str(scene), os.devnull, str(LONGEST_US), "pty"]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as board:
         assert board.stdout is not None

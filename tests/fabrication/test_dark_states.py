@@ -11,6 +11,7 @@ import pytest
 from optopad.design.circuit.circuit import Circuit
 from optopad.design.circuit.link import frame_bytes, sending_time_ms
 from optopad.design.errors import DeviceError
+from optopad.design.pad import Pad
 from optopad.design.preset import preset
 from optopad.design.recordings import lit_emitters, nearest_dark_states, signals_of, with_one_dark
 from optopad.design.spec import SensorDesign
@@ -92,7 +93,7 @@ def test_both_programs_read_a_dark_state_after_each_emitter(
 ) -> None:
     design = pad(**({"board.emitters": {"shift_register": "74hc595"}} if register else {}))
     design = design if board == "avr" else portable_pad(design)
-    settings = firmware_settings(design)
+    settings = firmware_settings(Pad.of(design))
     table = random_table(settings)
     run = simulate(
         board_harness if board == "avr" else None, tmp_path, design, table, SAID, duration_us=200_000
@@ -118,7 +119,7 @@ def test_shift_registers_take_the_time_of_their_edges(
     }.items():
         design = portable_pad(pad(**({"board.dark": dark} | emitters)))
         run = simulate(
-            None, tmp_path, design, random_table(firmware_settings(design)), SAID, duration_us=90_000
+            None, tmp_path, design, random_table(firmware_settings(Pad.of(design))), SAID, duration_us=90_000
         )
         held_us = (
             run.log["cycle"][run.log["kind"] == INPUT_HELD][1:] / run.clock_hz * 1e6

@@ -9,6 +9,7 @@ import pytest
 
 from optopad.design.circuit.circuit import Circuit
 from optopad.design.errors import DeviceError
+from optopad.design.pad import Pad
 from optopad.design.preset import preset
 from optopad.design.spec import SensorDesign
 from optopad.fabrication.driver.check import check_frames
@@ -79,13 +80,13 @@ def test_a_thousand_frames_reach_the_host_and_every_reading_is_the_voltage(on_a_
     assert all((frame.counts == expected).all() for frame in frames)
     assert np.diff([frame.sequence for frame in frames]).tolist() == [1] * 999
     assert (counts.lost, counts.damaged) == (0, 0)
-    assert found.config_crc == firmware_settings(pad).config_crc()
+    assert found.config_crc == firmware_settings(Pad.of(pad)).config_crc()
     steps_us = np.diff([frame.device_us for frame in frames])
     assert 1e6 / steps_us.mean() > 230.0  # by the board's clock; docs/validation/firmware.md says 235
 
 
 def test_frames_of_the_firmware_reach_the_host_whole(on_a_port, config_of, pad):
-    table = random_table(firmware_settings(pad), seed=1)
+    table = random_table(firmware_settings(Pad.of(pad)), seed=1)
     with (
         on_a_port(pad, table) as port,
         Sensor(config_of(pad), port, baseline_s=0.0) as sensor,
@@ -100,7 +101,7 @@ def test_frames_of_the_firmware_reach_the_host_whole(on_a_port, config_of, pad):
 @pytest.mark.slow
 def test_firmware_of_another_design_is_refused_by_the_host(on_a_port, config_of, pad):
     other = pad.with_(**SWAPPED)
-    table = random_table(firmware_settings(other))
+    table = random_table(firmware_settings(Pad.of(other)))
     with (
         on_a_port(other, table) as port,
         pytest.raises(DeviceError, match=other.digest[:8]),
@@ -112,7 +113,7 @@ def test_firmware_of_another_design_is_refused_by_the_host(on_a_port, config_of,
 @pytest.mark.slow
 def test_twelve_receivers_reach_the_host_in_their_columns(on_a_port, config_of):
     design = preset("oblong-60x40")
-    table = random_table(firmware_settings(design))
+    table = random_table(firmware_settings(Pad.of(design)))
     with (
         on_a_port(design, table) as port,
         Sensor(config_of(design), port, baseline_s=0.0) as sensor,

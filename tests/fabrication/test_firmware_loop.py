@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from optopad.design.pad import Pad
 from optopad.design.preset import preset
 from optopad.design.spec import SensorDesign
 from optopad.fabrication.driver.link.protocol import Command, Kind, pack_command
@@ -36,7 +37,7 @@ def loop(request: pytest.FixtureRequest, tmp_path: Path):
     """Runs a design's firmware against a table; the pad's on an AVR board and a made-up one unless given."""
 
     def run(said, *, duration_us, design: SensorDesign = PAD, table_mv=None, **options) -> Run:
-        table = random_table(firmware_settings(design)) if table_mv is None else table_mv
+        table = random_table(firmware_settings(Pad.of(design))) if table_mv is None else table_mv
         harness = request.getfixturevalue(harness_name(design))
         return simulate(harness, tmp_path, design, table, said, duration_us=duration_us, **options)
 
@@ -51,7 +52,7 @@ def pad(request: pytest.FixtureRequest) -> SensorDesign:
 
 def counts_of(design: SensorDesign, table_mv=None):
     """(state, receiver) counts that a frame must have; of the made-up table unless given."""
-    settings = firmware_settings(design)
+    settings = firmware_settings(Pad.of(design))
     return quantised(random_table(settings) if table_mv is None else table_mv, settings.circuit.adc.bits)
 
 
@@ -185,7 +186,7 @@ def test_a_self_test_tells_supply_memory_and_configuration(loop):
     (found,) = loop([(10_000.0, pack_command(Command.SELF_TEST))], duration_us=30_000).self_tests
     assert found.reference_counts == int(REFERENCE_V / CHIP_SUPPLY_V * 1023)
     assert 7_000 < found.least_free_ram_bytes < 8_192 - 376  # 376 bytes are variables
-    assert found.config_crc == firmware_settings(PAD).config_crc()
+    assert found.config_crc == firmware_settings(Pad.of(PAD)).config_crc()
 
 
 def test_garbage_is_ignored_and_a_command_in_it_is_found(loop, pad):
@@ -250,7 +251,7 @@ def test_inputs_above_the_seventh_are_read_by_their_setting_in_the_other_registe
 
 def test_twelve_receivers_are_read_and_which_the_simulator_does_not_convert_is_said(loop):
     design = preset("oblong-60x40")
-    settings = firmware_settings(design)
+    settings = firmware_settings(Pad.of(design))
     run = loop([FREELY, START], duration_us=60_000, design=design)
     said = not_by_the_simulator(settings)
     assert said.endswith("around it R9 on A8, R10 on A9, R11 on A10, R12 on A11")

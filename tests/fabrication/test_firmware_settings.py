@@ -12,6 +12,7 @@ import pytest
 
 from optopad.design.circuit.circuit import Circuit
 from optopad.design.errors import DesignError
+from optopad.design.pad import Pad
 from optopad.design.parts.catalog import packaged
 from optopad.design.preset import PRESETS, preset
 from optopad.design.rules.check import check
@@ -58,7 +59,7 @@ def with_board(name: str = "arduino-mega-2560", **changes: object) -> SensorDesi
     ids=lambda design: design.name,
 )
 def test_pins_and_inputs_are_those_of_the_driver_configuration(design):
-    settings = firmware_settings(design)
+    settings = firmware_settings(Pad.of(design))
     config = config_from_document(tomllib.loads(dump_driver_config(design)), where="driver.toml")
     assert [one.number for one in settings.circuit.emitters] == [one.pin for one in config.emitters]
     assert [one.channel for one in settings.circuit.receivers] == [one.channel for one in config.receivers]
@@ -70,13 +71,13 @@ def test_pins_and_inputs_are_those_of_the_driver_configuration(design):
 
 
 def test_ports_and_settings_of_the_header_are_the_boards():
-    text = config_header(firmware_settings(SHUFFLED))
+    text = config_header(firmware_settings(Pad.of(SHUFFLED)))
     found = re.findall(r"LED\((\w), (\d)\),? /\* (E\d), pin (\d+) \*/", text)
     ports = [f"{port}{bit}" for port, bit, _, _ in found]
     assert ports == ["G1", "A0", "G0", "A1", "L7", "A2", "L6", "A3"]  # pins 40, 22, 41 ... of pins_arduino.h
     assert re.findall(r"(\d+),? /\* R\d, A\d+ \*/", text) == ["39", "0", "38", "1", "37", "2", "36", "3"]
     assert "#define ANY_MUX5 1" in text
-    assert "#define ANY_MUX5 0" in config_header(firmware_settings(PAD))
+    assert "#define ANY_MUX5 0" in config_header(firmware_settings(Pad.of(PAD)))
 
 
 @pytest.mark.parametrize("kind", VARIANT_OF)
@@ -100,21 +101,23 @@ def table_of(text: str, name: str) -> str:
 
 
 def test_settle_time_and_interval_are_rounded_to_the_safe_side():
-    settings = firmware_settings(PAD.with_(**{"board.settle_us": 20.2, "board.frame_rate_hz": 60.0}))
+    settings = firmware_settings(Pad.of(PAD.with_(**{"board.settle_us": 20.2, "board.frame_rate_hz": 60.0})))
     assert settings.settle_us == 21
     assert settings.frame_interval_us == 16_667
 
 
 def test_the_config_block_tells_designs_pins_and_settings_apart():
-    blocks = {firmware_settings(one).config_block() for one in (PAD, SHUFFLED, preset("oblong-60x40"))}
+    blocks = {
+        firmware_settings(Pad.of(one)).config_block() for one in (PAD, SHUFFLED, preset("oblong-60x40"))
+    }
     assert len(blocks) == 3
-    assert len(firmware_settings(PAD).config_block()) == 47 + 8 + 8
+    assert len(firmware_settings(Pad.of(PAD)).config_block()) == 47 + 8 + 8
 
 
 def test_a_layout_with_more_receivers_than_the_uno_has_inputs_is_refused():
     with pytest.raises(DesignError, match="8 receivers"):
-        firmware_settings(PAD.with_(**{"board.kind": "arduino-uno"}))
-    assert len(firmware_settings(PAD.with_(**{"board.kind": "arduino-nano"})).circuit.receivers) == 8
+        firmware_settings(Pad.of(PAD.with_(**{"board.kind": "arduino-uno"})))
+    assert len(firmware_settings(Pad.of(PAD.with_(**{"board.kind": "arduino-nano"}))).circuit.receivers) == 8
 
 
 @pytest.mark.parametrize(
@@ -132,7 +135,7 @@ def test_a_board_that_cannot_be_programmed_is_said_to_be_one(changes, severity, 
     assert (finding.severity, words in finding.message) == (severity, True)
     assert len(firmware_gaps(Circuit.of(design))) == 1
     with pytest.raises(DesignError, match="firmware can"):
-        firmware_settings(design)
+        firmware_settings(Pad.of(design))
 
 
 def test_frames_that_do_not_fit_the_memory_are_refused():
@@ -154,21 +157,23 @@ def test_a_board_of_ones_own_without_firmware_keeps_its_digest_form():
 
 
 def test_the_sketch_folder_has_what_the_arduino_ide_opens(tmp_path):
-    sketch = write_sketch(PAD, tmp_path)
+    sketch = write_sketch(firmware_settings(Pad.of(PAD)), tmp_path)
     assert sketch.name == "optopad"
     assert sorted(file.name for file in sketch.iterdir()) == sorted([*SHARED_FILES, *AVR_FILES, CONFIG])
     assert (sketch / "optopad.ino").read_text(encoding="utf-8").count("\n") == 3
     assert not (sketch / "main.c").exists()  # the Arduino core has a main of its own
-    assert (sketch / CONFIG).read_text(encoding="utf-8") == sketch_texts(PAD)[CONFIG]
+    assert (sketch / CONFIG).read_text(encoding="utf-8") == sketch_texts(firmware_settings(Pad.of(PAD)))[
+        CONFIG
+    ]
 
 
 def test_an_image_of_another_text_does_not_stay_beside_the_sketch(tmp_path):
-    write_sketch(PAD, tmp_path)
+    write_sketch(firmware_settings(Pad.of(PAD)), tmp_path)
     image = tmp_path / IMAGE
     image.write_text(":00000001FF\n", encoding="ascii")
-    write_sketch(PAD, tmp_path)
+    write_sketch(firmware_settings(Pad.of(PAD)), tmp_path)
     assert image.exists()
-    write_sketch(SHUFFLED, tmp_path)
+    write_sketch(firmware_settings(Pad.of(SHUFFLED)), tmp_path)
     assert not image.exists()
 
 
@@ -190,7 +195,7 @@ needs_compiler = pytest.mark.skipif(bool(missing_compiler()), reason=missing_com
 @pytest.mark.parametrize("name", [name for name in PRESETS if Circuit.of(preset(name)).board.firmware])
 def test_every_preset_compiles_without_a_warning_and_fits(name):
     design = preset(name)
-    chip, image = firmware_settings(design).chip, compiled_image(design)
+    chip, image = firmware_settings(Pad.of(design)).chip, compiled_image(firmware_settings(Pad.of(design)))
     assert image.flash_bytes < 8_000 < chip.flash_bytes
     assert image.ram_bytes < 1_000 < chip.ram_bytes
     assert image.hex_text.startswith(":")
@@ -199,7 +204,7 @@ def test_every_preset_compiles_without_a_warning_and_fits(name):
 
 @needs_compiler
 def test_the_same_design_makes_the_same_image():
-    assert compiled_image(PAD) == compiled_image(PAD)
+    assert compiled_image(firmware_settings(Pad.of(PAD))) == compiled_image(firmware_settings(Pad.of(PAD)))
 
 
 CORE = VARIANTS.parent / "cores" / "arduino"
@@ -210,7 +215,7 @@ CORE = VARIANTS.parent / "cores" / "arduino"
 def test_the_sketch_compiles_as_the_arduino_ide_compiles_it(tmp_path, board_harness):
     if not CORE.is_dir() or not shutil.which("avr-g++"):
         pytest.skip("arduino-core-avr is not installed")
-    sketch = write_sketch(PAD, tmp_path)
+    sketch = write_sketch(firmware_settings(Pad.of(PAD)), tmp_path)
     program = "#include <Arduino.h>\n" + (sketch / "optopad.ino").read_text(encoding="utf-8")
     (tmp_path / "sketch.cpp").write_text(program, encoding="utf-8")
     of_core = [compiled(file, tmp_path, sketch) for file in sorted([*CORE.glob("*.c"), *CORE.glob("*.cpp")])]
@@ -218,7 +223,7 @@ def test_the_sketch_compiles_as_the_arduino_ide_compiles_it(tmp_path, board_harn
     subprocess.run(["avr-ar", "rcs", "core.a", *of_core], cwd=tmp_path, check=True)
     link = ["avr-gcc", "-mmcu=atmega2560", "-Wl,--gc-sections", "-o", "image.elf", *own, "core.a", "-lm"]
     subprocess.run(link, cwd=tmp_path, check=True)
-    settings, table = firmware_settings(PAD), random_table(firmware_settings(PAD))
+    settings, table = firmware_settings(Pad.of(PAD)), random_table(firmware_settings(Pad.of(PAD)))
     said = [(10_000.0, pack_command(Command.RATE, 0)), (11_000.0, pack_command(Command.START))]
     program = [str(board_harness), str(tmp_path / "image.elf")]
     run = run_program(program, tmp_path, settings, table, said, duration_us=60_000)

@@ -13,6 +13,7 @@ import pytest
 from optopad.design.circuit.circuit import Circuit
 from optopad.design.circuit.transimpedance import counts_per_flux_per_ohm
 from optopad.design.errors import DesignError
+from optopad.design.pad import Pad
 from optopad.design.rules.check import check
 from optopad.design.spec import SensorDesign
 from optopad.fabrication.connections import connections_of
@@ -97,7 +98,7 @@ def test_the_firmware_reads_every_receiver_through_its_multiplexer(
     )
     if board == "my-board":
         design = portable_pad(design)
-    settings = firmware_settings(design)
+    settings = firmware_settings(Pad.of(design))
     table = random_table(settings)
     said = [(7_000.0, pack_command(Command.RATE, 0)), (8_000.0, pack_command(Command.START))]
     run = simulate(
@@ -171,7 +172,7 @@ def test_the_internal_reference_is_full_scale_everywhere(board_harness: Path, tm
     assert per_ohm is not None
     assert by_supply is not None
     assert per_ohm[0].value / by_supply[0].value == pytest.approx(5.0 / 1.1)
-    settings = firmware_settings(design)
+    settings = firmware_settings(Pad.of(design))
     table = random_table(settings) * 1100 // 5000
     said = [(7_000.0, pack_command(Command.RATE, 0)), (8_000.0, pack_command(Command.START))]
     run = simulate(board_harness, tmp_path, design, table, said, duration_us=300_000)
@@ -212,7 +213,7 @@ def test_the_firmware_walks_through_the_shift_registers(
     )
     if board == "my-board":
         design = portable_pad(design)
-    settings = firmware_settings(design)
+    settings = firmware_settings(Pad.of(design))
     table = random_table(settings)
     said = [
         (7_000.0, pack_command(Command.RATE, 0)),

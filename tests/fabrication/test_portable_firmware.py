@@ -12,6 +12,7 @@ import pytest
 
 from optopad.design.circuit.circuit import Circuit
 from optopad.design.errors import DesignError, DeviceError
+from optopad.design.pad import Pad
 from optopad.design.parts.catalog import find_board
 from optopad.design.preset import preset
 from optopad.design.rules.check import check
@@ -43,7 +44,7 @@ from tests.validation.driver.portable_soak import soak
 
 AVR_PAD = preset("piacenza2017-pad")
 PAD = portable_pad(AVR_PAD)
-SETTINGS = firmware_settings(PAD)
+SETTINGS = firmware_settings(Pad.of(PAD))
 TABLE = random_table(SETTINGS)
 COUNTS = quantised(TABLE, SETTINGS.circuit.adc.bits)
 SAID = [(7_000.0, pack_command(Command.RATE, 0)), (8_000.0, pack_command(Command.START))]
@@ -120,7 +121,7 @@ def test_the_header_names_inputs_as_the_core_does():
     chosen = with_program(analog_pins=pins).with_(
         **{"board.receiver_channels": [f"A{k}" for k in range(7, -1, -1)]}
     )
-    text = config_header(firmware_settings(chosen))
+    text = config_header(firmware_settings(Pad.of(chosen)))
     assert re.findall(r"(\d+),? /\* R\d, (A\d+) \*/", text) == [
         (str(26 + k), f"A{k}") for k in range(7, -1, -1)
     ]
@@ -131,13 +132,13 @@ def test_the_header_names_inputs_as_the_core_does():
 
 def test_a_folder_that_changes_its_board_holds_the_files_of_the_new_one(tmp_path):
     for design, own in ((AVR_PAD, AVR_FILES), (PAD, PORTABLE_FILES), (AVR_PAD, AVR_FILES)):
-        sketch = write_sketch(design, tmp_path)
+        sketch = write_sketch(firmware_settings(Pad.of(design)), tmp_path)
         assert sorted(file.name for file in sketch.iterdir()) == sorted([*SHARED_FILES, *own, CONFIG])
 
 
 def test_an_image_is_arduino_clis_to_make():
     with pytest.raises(DeviceError, match=r"is compiled by arduino-cli .* for the board optopad:test:board"):
-        compiled_image(PAD)
+        compiled_image(firmware_settings(Pad.of(PAD)))
 
 
 @pytest.mark.parametrize(
@@ -201,7 +202,7 @@ WITH_CIRCUITS = {
 
 def compiled(folder: Path, core: str, *changes: str, design: SensorDesign = PAD) -> Path:
     """The program's object for a chip."""
-    sketch, target = write_sketch(design, folder), folder / "core.o"
+    sketch, target = write_sketch(firmware_settings(Pad.of(design)), folder), folder / "core.o"
     command = [
         COMPILER,
         f"-mcpu={core}",

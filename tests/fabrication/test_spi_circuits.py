@@ -24,6 +24,7 @@ from optopad.design.circuit.transimpedance import (
     settling_findings,
 )
 from optopad.design.errors import DesignError
+from optopad.design.pad import Pad
 from optopad.design.parts.catalog import packaged
 from optopad.design.rules.check import check
 from optopad.design.shape.cavity import cavity_of
@@ -108,7 +109,7 @@ def test_every_receiver_is_followed_to_its_reading(converter: str) -> None:
     known = packaged().converters[converter]
     assert config.frame.bits_per_reading == known.bits
     wiring = {row["reference"]: row for row in csv.DictReader(io.StringIO(wiring_csv(design)))}
-    drawing, settings = schematic_svg(design), firmware_settings(design)
+    drawing, settings = schematic_svg(design), firmware_settings(Pad.of(design))
     for column, entry in enumerate(config.receivers):
         chip, channel = divmod(column, known.channels)
         label = f"U{chip + 1}-C{channel}"
@@ -158,13 +159,13 @@ def test_every_emitter_is_followed_from_its_led_driver() -> None:
 
 def test_circuits_share_the_bus_and_no_pin_is_given_twice() -> None:
     design = ring_of_many()
-    settings = firmware_settings(design)
+    settings = firmware_settings(Pad.of(design))
     pins = [pin for chips in settings.circuit.chips for pin in chips.pins]
     assert len({*pins, *Circuit.of(design).spi_pins}) == 2 + 4 + 3
     text = config_header(settings)
     assert "#define DRIVER_HZ 15000000UL" in text  # two in a chain
     assert "#define CONVERTER_HZ 1000000UL" in text  # at 3.3 V
-    one = config_header(firmware_settings(spi_disc("ads8688", "tlc5947")))
+    one = config_header(firmware_settings(Pad.of(spi_disc("ads8688", "tlc5947"))))
     assert "#define DRIVER_HZ 30000000UL" in one
     assert "#define CONVERTER_MODE SPI_MODE1" in one
 
@@ -311,7 +312,7 @@ def run_of(
     design: SensorDesign, folder: Path, *changes: str, duration_us: float = 400_000
 ) -> tuple[Any, Run]:
     """The voltages of a made-up table, and what the simulated board did with them."""
-    table = random_table(firmware_settings(design))
+    table = random_table(firmware_settings(Pad.of(design)))
     return table, simulate(None, folder, design, table, SAID, duration_us=duration_us, changes=changes)
 
 
@@ -340,7 +341,7 @@ def test_the_firmware_reads_every_receiver_under_every_emitter(
     converter: str | None, driver: str | None, averages: int, native_harness: None, tmp_path: Path
 ) -> None:
     design = portable_pad(spi_disc(converter, driver, **{"board.averages": averages}))
-    settings = firmware_settings(design)
+    settings = firmware_settings(Pad.of(design))
     table, run = run_of(design, tmp_path)
     frames = run.frames.counts
     assert len(frames) >= 15
@@ -444,7 +445,7 @@ def test_a_program_that_breaks_a_limit_of_a_chip_is_refused_by_the_simulation(
 @pytest.mark.slow
 def test_the_hosts_driver_reads_sixteen_bits(native_harness: None, tmp_path: Path) -> None:
     design = portable_pad(spi_disc("ads8688", "tlc5947"))
-    table = random_table(firmware_settings(design), seed=3)
+    table = random_table(firmware_settings(Pad.of(design)), seed=3)
     file = tmp_path / "driver.toml"
     file.write_text(dump_driver_config(design), encoding="utf-8")
     with (
@@ -454,7 +455,7 @@ def test_the_hosts_driver_reads_sixteen_bits(native_harness: None, tmp_path: Pat
         frames = [sensor.read() for _ in range(3)]
         crc = sensor.self_test().config_crc
     assert all((frame.counts == quantised(table, 16, 5120)).all() for frame in frames)
-    assert crc == firmware_settings(design).config_crc()
+    assert crc == firmware_settings(Pad.of(design)).config_crc()
 
 
 # refusals, and what check proposes

@@ -8,11 +8,11 @@ from pathlib import Path
 from optopad.cli.verb import verb
 from optopad.design.errors import DeviceError
 from optopad.design.io import write_text_atomically
-from optopad.design.rules.check import require_valid
+from optopad.design.pad import Pad
 from optopad.design.spec import SensorDesign
 from optopad.fabrication.bundle import bundle, bundle_name
 from optopad.fabrication.flash import Image, compiled_image
-from optopad.fabrication.sketch import IMAGE, SKETCH, firmware_settings, write_sketch
+from optopad.fabrication.sketch import IMAGE, SKETCH, FirmwareSettings, firmware_settings, write_sketch
 from optopad.screen.output import Told
 from optopad.work import OUT
 
@@ -39,7 +39,7 @@ class FirmwareFiles:
 @verb()
 def firmware(design: SensorDesign, *, out: Path = Path(OUT), seed: int = 0) -> Told:
     """Write the sketch folder of a design for the Arduino IDE, and a .hex file if avr-gcc is installed."""
-    settings, files = firmware_settings(design), write_firmware(design, out, seed=seed)
+    settings, files = firmware_settings(Pad.of(design)), write_firmware(design, out, seed=seed)
     image, chip = files.image, settings.chip
     document = {
         "sketch": str(files.sketch),
@@ -72,10 +72,10 @@ def write_firmware(design: SensorDesign, out: Path, *, seed: int) -> FirmwareFil
     DesignError : the design breaks a rule, or its board's entry lacks data for programming it.
     OutputError : the folder cannot be written.
     """
-    require_valid(design)
-    image, reason = _image(design)
+    settings = firmware_settings(Pad.of(design))
+    image, reason = _image(settings)
     with bundle(design, out, seed=seed) as folder:
-        write_sketch(design, folder / FIRMWARE)
+        write_sketch(settings, folder / FIRMWARE)
         if image is not None:
             write_text_atomically(folder / FIRMWARE / IMAGE, image.hex_text)
     written = out / bundle_name(design) / FIRMWARE
@@ -88,8 +88,8 @@ def write_firmware(design: SensorDesign, out: Path, *, seed: int) -> FirmwareFil
     )
 
 
-def _image(design: SensorDesign) -> tuple[Image | None, str]:
+def _image(settings: FirmwareSettings) -> tuple[Image | None, str]:
     try:
-        return compiled_image(design), ""
+        return compiled_image(settings), ""
     except DeviceError as err:
         return None, str(err)

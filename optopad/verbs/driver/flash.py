@@ -9,6 +9,7 @@ from pathlib import Path
 from optopad.cli.verb import typed, verb
 from optopad.design.errors import DeviceError, InputError
 from optopad.design.files import read_bytes
+from optopad.design.pad import Pad
 from optopad.design.parts.board_firmware import ArduinoProgram, BoardFirmware
 from optopad.design.spec import SensorDesign
 from optopad.fabrication.driver.link.ports import GUESSED, find_port, is_guess, port_of_serial
@@ -58,7 +59,7 @@ def flash(
     dry_run : Print the command without uploading.
     yes : Do not ask about a port that is identified by its serial chip only.
     """
-    settings = firmware_settings(design)
+    settings = firmware_settings(Pad.of(design))
     chip, board = settings.chip, board_setup(design)
     if image is not None and not isinstance(chip, BoardFirmware) and chip.boot_drive is not None:
         return _copied(chip, image, port, is_dry=dry_run)

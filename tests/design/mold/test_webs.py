@@ -6,6 +6,7 @@ import sys
 
 import pytest
 
+from optopad.design.mold.outline import outline_of
 from optopad.design.mold.webs import bodies_above_rim, clearances, pockets_below_clear_layer, tightest
 from optopad.design.preset import preset
 
@@ -15,7 +16,7 @@ LEADS = "mold.lead_clearance_mm"
 
 
 def named(design):
-    return {one.name: one for one in tightest(clearances(design))}
+    return {one.name: one for one in tightest(clearances(outline_of(design), design.mold))}
 
 
 def test_the_pads_clearances_by_hand():
@@ -85,10 +86,12 @@ def test_no_fixing_holes_no_clearance_to_them():
 
 
 def test_tall_bodies_and_deep_pockets_are_named():
-    assert bodies_above_rim(DESIGN) == ()
-    assert bodies_above_rim(DESIGN.with_(**{"mold.rim_mm": 0.5})) == tuple(f"R{k}" for k in range(1, 9))
-    assert pockets_below_clear_layer(DESIGN) == ()
-    assert len(pockets_below_clear_layer(DESIGN.with_(**{"receivers.height_mm": 3.0}))) == 8
+    assert bodies_above_rim(outline_of(DESIGN)) == ()
+    assert bodies_above_rim(outline_of(DESIGN.with_(**{"mold.rim_mm": 0.5}))) == tuple(
+        f"R{k}" for k in range(1, 9)
+    )
+    assert pockets_below_clear_layer(outline_of(DESIGN)) == ()
+    assert len(pockets_below_clear_layer(outline_of(DESIGN.with_(**{"receivers.height_mm": 3.0})))) == 8
 
 
 def test_clearances_need_no_cad_kernel():

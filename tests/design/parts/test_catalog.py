@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from optopad.design.errors import DesignError
 from optopad.design.parts import catalog
 from optopad.design.parts.catalog import CatalogEntries, Elastomer, Part, Quantity
+from optopad.design.parts.circuits import families
 from tests.said import says
 
 ENTRIES = catalog.packaged()
@@ -408,3 +409,13 @@ def test_entries_are_frozen():
     with pytest.raises(ValueError, match="frozen"):
         SYLGARD.title = "other"
     assert isinstance(SYLGARD, Elastomer)
+
+
+def test_every_family_with_commands_has_its_file_and_every_entry_its_family() -> None:
+    entries = catalog.packaged()
+    for table in ("multiplexers", "shift_registers", "converters", "led_drivers"):
+        for name, entry in getattr(entries, table).items():
+            assert entry.family.table == table, name
+    for name, family in families().items():
+        source = resources.files("optopad.fabrication") / "firmware" / "source" / f"{name}.h"
+        assert source.is_file() == (family.table in ("converters", "led_drivers")), name

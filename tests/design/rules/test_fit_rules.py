@@ -10,8 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from optopad.design.draft import Draft
 from optopad.design.fields.finding import Finding
-from optopad.design.mold.webs import clearances, rim_clearances
+from optopad.design.mold.outline import outline_of
+from optopad.design.mold.webs import Clearance, clearances, rim_clearances
 from optopad.design.preset import preset
 from optopad.design.rules.check import check, notes
 from optopad.design.rules.mold import WORDS, web_findings
@@ -19,6 +21,10 @@ from optopad.design.spec import SensorDesign
 from tests.design.rules.rule_cases import BENCHMARK, about, and_more, facing, only, single
 from tests.design.spec.spec_fields import good, with_layout
 from tests.said import says
+
+
+def mold_of(design: SensorDesign) -> tuple[Clearance, ...]:
+    return clearances(outline_of(design), design.mold)
 
 
 def two_on_south(distance_mm: float, **changes: Any) -> SensorDesign:
@@ -194,7 +200,7 @@ def test_every_clearance_has_its_words_and_every_words_a_clearance() -> None:
     covered = with_layout(
         {"pattern": "alternating_ring", "parts_per_side": 4}, **{"mold.cover_ledge_mm": 1.0}
     )
-    found = [*clearances(ring), *clearances(overlapping), *rim_clearances(ring), *clearances(covered)]
+    found = [*mold_of(ring), *mold_of(overlapping), *rim_clearances(outline_of(ring)), *mold_of(covered)]
     assert {one.name for one in found} == set(WORDS)
 
 
@@ -226,8 +232,8 @@ def test_the_rules_refuse_a_mold_exactly_if_a_clearance_is_not_kept(
             "emitters.height_mm": height_mm,
         },
     )
-    broken = [one for one in clearances(design) if not one.is_kept]
-    errors = [finding for finding in web_findings(design) if finding.severity == "error"]
+    broken = [one for one in mold_of(design) if not one.is_kept]
+    errors = [finding for finding in web_findings(Draft(design)) if finding.severity == "error"]
     assert bool(errors) == bool(broken)
     assert {finding.field for finding in errors} <= {one.field for one in broken}
     assert sum(1 + places_more(finding) for finding in errors) == len(broken)

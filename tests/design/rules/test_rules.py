@@ -6,6 +6,7 @@ import re
 
 import pytest
 
+from optopad.design.draft import Draft
 from optopad.design.errors import DesignError, ModelScopeError
 from optopad.design.fields.finding import OUT_OF_SCOPE
 from optopad.design.preset import preset
@@ -180,7 +181,7 @@ def test_the_contact_model_reaches_the_lesser_of_two_depths(
     clear_mm: float, radius_mm: float, deepest_mm: float
 ) -> None:
     design = good(**{"cavity.clear_thickness_mm": clear_mm, "indenter.tip_radius_mm": radius_mm})
-    assert deepest_modelled_mm(design) == pytest.approx(deepest_mm, rel=1e-12)
+    assert deepest_modelled_mm(Draft(design)) == pytest.approx(deepest_mm, rel=1e-12)
 
 
 def test_a_press_beyond_the_contact_model_is_a_warning_that_names_the_verdict() -> None:

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from optopad.design.draft import Draft
 from optopad.design.errors import DesignError
 from optopad.design.preset import FLAT_PRESETS, SHAPED_PRESETS, preset
 from optopad.design.rules.check import check, require_valid
@@ -244,14 +245,14 @@ def test_a_ring_whose_middle_no_pair_looks_across_is_told_with_the_nearest_line(
 @pytest.mark.parametrize("name", FLAT_PRESETS)
 def test_a_flat_pad_is_as_thick_at_the_border_of_its_workspace(name: str) -> None:
     cavity = preset(name).cavity
-    assert thinnest_elastic_mm(preset(name)) == cavity.clear_thickness_mm + cavity.black_thickness_mm
+    assert thinnest_elastic_mm(Draft(preset(name))) == cavity.clear_thickness_mm + cavity.black_thickness_mm
 
 
 def test_a_crown_is_thinnest_at_the_border_of_the_workspace() -> None:
     # a sphere of 18 mm, presses to 7 mm from the middle: 18 - sqrt(18² - 7²) = 1.417 mm less
     dome = preset(DOME)
-    assert thinnest_elastic_mm(dome) == pytest.approx(9.0 - 1.41689, abs=1e-4)
-    assert deepest_modelled_mm(dome) == pytest.approx(1.7 * 2.0)
+    assert thinnest_elastic_mm(Draft(dome)) == pytest.approx(9.0 - 1.41689, abs=1e-4)
+    assert deepest_modelled_mm(Draft(dome)) == pytest.approx(1.7 * 2.0)
     deep = dome.with_(**{"indenter.tip_radius_mm": 4.4, "operating.max_depth_mm": 6.5})
     assert any("outside the contact model" in str(one) for one in check(deep))
 

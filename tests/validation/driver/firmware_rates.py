@@ -21,6 +21,7 @@ import numpy as np
 from optopad.design.arrays import IntArray
 from optopad.design.circuit.link import MS_PER_S, US_PER_S
 from optopad.design.io import write_text_atomically
+from optopad.design.pad import Pad
 from optopad.design.preset import FLAT_PRESETS, SHAPED_PRESETS, preset
 from optopad.design.spec import SensorDesign
 from optopad.fabrication.driver.link.protocol import Command, pack_command
@@ -84,7 +85,7 @@ def measured(harness: Path, design: SensorDesign, change: str, duration_us: floa
     change : a definition in place of that in config.h
     duration_us : of simulated time
     """
-    settings = firmware_settings(design)
+    settings = firmware_settings(Pad.of(design))
     at_once = _counted(harness, design, change, duration_us, edges=False)
     at_edges = _counted(harness, design, change, duration_us, edges=True)
     budget_ms = settings.circuit.frame_ms
@@ -106,7 +107,7 @@ class _Count:
 
 
 def _counted(harness: Path, design: SensorDesign, change: str, duration_us: float, *, edges: bool) -> _Count:
-    table_mv = random_table(firmware_settings(design))
+    table_mv = random_table(firmware_settings(Pad.of(design)))
     run = freely_run(harness, design, table_mv, change, duration_us, edges=edges)
     frame_us = float(np.diff(run.frames.device_us.astype(np.int64)[IGNORED_FRAMES:]).mean())
     wrong = int((run.frames.counts != quantised(table_mv)).sum())
@@ -222,7 +223,7 @@ Presets, as they are:
 
 {layout_table(layouts)}
 
-Of `oblong-60x40` {not_by_the_simulator(firmware_settings(preset("oblong-60x40")))}.
+Of `oblong-60x40` {not_by_the_simulator(firmware_settings(Pad.of(preset("oblong-60x40"))))}.
 
 ## A thousand frames of simulated light
 
@@ -265,7 +266,7 @@ def layout_table(layouts: Sequence[tuple[str, Rate]]) -> str:
     """Rows by preset."""
     rows = []
     for name, rate in layouts:
-        settings = firmware_settings(preset(name))
+        settings = firmware_settings(Pad.of(preset(name)))
         readings = f"{settings.circuit.state_count} x {settings.circuit.receiver_count}"
         rows.append((name, readings, *in_hz(rate)))
     return table(("preset", "readings a frame", "simulator Hz", "with clock edges Hz", "sum Hz"), rows)
@@ -275,7 +276,10 @@ def memory_table() -> str:
     """Rows by preset: bytes and shares of the chip's."""
     rows = []
     for name in FLAT_PRESETS + SHAPED_PRESETS:
-        image, chip = compiled_image(preset(name)), firmware_settings(preset(name)).chip
+        image, chip = (
+            compiled_image(firmware_settings(Pad.of(preset(name)))),
+            firmware_settings(Pad.of(preset(name))).chip,
+        )
         shares = image.flash_bytes / chip.flash_bytes, image.ram_bytes / chip.ram_bytes
         rows.append((name, image.flash_bytes, f"{shares[0]:.1%}", image.ram_bytes, f"{shares[1]:.1%}"))
     return table(("preset", "program bytes", "of the chip's", "RAM bytes", "of the chip's"), rows)

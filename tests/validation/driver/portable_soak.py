@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from optopad.design.pad import Pad
 from optopad.design.preset import preset
 from optopad.fabrication.driver import Sensor
 from optopad.fabrication.driver.link.frames import US_PER_S
@@ -46,7 +47,7 @@ class Soak:
 def soak(seconds: float) -> Soak:
     """Read and record for so long."""
     pad = portable_pad(preset("piacenza2017-pad")).with_(**FAST)
-    settings = firmware_settings(pad)
+    settings = firmware_settings(Pad.of(pad))
     table_mv = random_table(settings)
     expected = quantised(table_mv, settings.circuit.adc.bits)
     wrong, times_us = 0, []
@@ -82,7 +83,7 @@ def soak(seconds: float) -> Soak:
 def live_soak(seconds: float) -> LiveView:
     """What the studio's live view has after so long: frames, lost ones, and those that it never got."""
     pad = portable_pad(preset("piacenza2017-pad")).with_(**FAST)
-    table_mv = random_table(firmware_settings(pad))
+    table_mv = random_table(firmware_settings(Pad.of(pad)))
     with (
         TemporaryDirectory() as scratch,
         board_on_a_port(None, Path(scratch), pad, table_mv) as port,
