@@ -10,10 +10,9 @@ import numpy as np
 
 from optopad.design.arrays import FloatArray
 from optopad.design.circuit.circuit import Circuit
-from optopad.design.circuit.transimpedance import Feedback, feedbacks_of
+from optopad.design.circuit.transimpedance import Feedback, feedbacks_of, full_scale_counts
 from optopad.design.shape.cavity import pair_name
 from optopad.design.spec import SensorDesign
-from optopad.sims.readings.readout import full_scale_counts
 
 Floats = FloatArray
 

@@ -281,11 +281,12 @@ def test_every_place_that_the_map_names_is_there() -> None:
     assert [name for name in named if not (ROOT / name).exists()] == []
 
 
-def test_help_loads_no_heavy_library() -> None:
+@pytest.mark.parametrize("words", [["--help"], ["check", "piacenza2017-pair"]], ids=" ".join)
+def test_help_and_check_load_no_heavy_library(words: list[str]) -> None:
     # Style asks for help in half a second of CPU. Clocks of shared machines are noisy, the list of loaded
     # modules is not: each of these takes 0.1 to 3 s, and without them the command line is well below that.
     program = (
-        "import json, sys; sys.argv = ['optopad', '--help']\n"
+        f"import json, sys; sys.argv = ['optopad', *{words!r}]\n"
         "from optopad.cli import main\n"
         "try:\n    main()\nexcept SystemExit as end:\n    assert not end.code\n"
         f"print(json.dumps([name for name in {HEAVY} if name in sys.modules]))"

@@ -12,7 +12,12 @@ from typing import Any
 
 from optopad.design.circuit.circuit import Circuit
 from optopad.design.circuit.emitter_switch import current_sink, emitter_switch, most_drive_ma
-from optopad.design.circuit.transimpedance import Feedback, counts_per_flux_per_ohm, settling_findings
+from optopad.design.circuit.transimpedance import (
+    Feedback,
+    counts_per_flux_per_ohm,
+    full_scale_counts,
+    settling_findings,
+)
 from optopad.design.draft import Draft
 from optopad.design.mold.filling import is_cast_under_lid
 from optopad.design.mold.outline import outline_of
@@ -32,7 +37,6 @@ from optopad.fabrication.sheets.prices import bill_sum
 from optopad.fabrication.sheets.schematic_svg import amplifiers_ma, current_of, supply_words
 from optopad.fabrication.sheets.silicone import pours
 from optopad.fabrication.sheets.template import filled
-from optopad.sims.readings.readout import full_scale_counts
 
 MEASURED_FIELDS = ("body_width_mm", "body_depth_mm", "body_height_mm", "active_height_in_body_mm")
 """Names of the part dimensions that determine the size of a part's socket in the wall."""

@@ -13,10 +13,9 @@ from optopad.design.rules.check import by_weight, notes, require_scope, require_
 from optopad.design.rules.check import check as findings_of
 from optopad.design.rules.shape import is_wide
 from optopad.design.spec import SensorDesign
-from optopad.screen.check import Checked
+from optopad.screen.check import Checked, findings_screen, rate_words
 from optopad.screen.figures import summary_words
 from optopad.screen.output import Told
-from optopad.screen.verdict import findings_screen, rate_words
 
 
 def check(design: SensorDesign) -> Checked:

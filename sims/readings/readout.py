@@ -16,7 +16,6 @@ Left out: emitters of different power on one pad, ambient light and drift, which
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,7 +25,7 @@ import xarray as xr
 
 from optopad.design.arrays import BoolArray, FloatArray
 from optopad.design.circuit.circuit import Circuit
-from optopad.design.circuit.transimpedance import fitted_counts_per_flux
+from optopad.design.circuit.transimpedance import fitted_counts_per_flux, full_scale_counts
 from optopad.design.errors import ModelScopeError
 from optopad.design.files import whole_file
 from optopad.design.shape.cavity import CavityGeometry
@@ -144,13 +143,6 @@ def _gain_to_target(design: SensorDesign, flux: FloatArray, subject: str) -> flo
             "signal: raise the emitters and receivers into the clear layer"
         )
     return design.gain.target_counts / median
-
-
-def full_scale_counts(design: SensorDesign) -> float:
-    """Largest reading [counts]: the converter's full scale, or less if the amplifiers' supply voltage is below it."""
-    adc = Circuit.of(design).adc
-    steps = 2**adc.bits
-    return float(min(steps - 1, math.floor(steps * adc.supply_v / adc.full_scale_v)))
 
 
 COMPRESSION = {"zlib": True, "complevel": 4}

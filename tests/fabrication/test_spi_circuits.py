@@ -18,7 +18,11 @@ from scipy.signal import lti, step
 from optopad.design.circuit.circuit import Circuit
 from optopad.design.circuit.emitter_switch import current_sink, emitter_switch, supply_current
 from optopad.design.circuit.link import frame_bytes, sending_time_ms
-from optopad.design.circuit.transimpedance import counts_per_flux_per_ohm, settling_findings
+from optopad.design.circuit.transimpedance import (
+    counts_per_flux_per_ohm,
+    full_scale_counts,
+    settling_findings,
+)
 from optopad.design.errors import DesignError
 from optopad.design.pad import Pad
 from optopad.design.parts.catalog import packaged
@@ -34,7 +38,6 @@ from optopad.fabrication.sheets.all_sheets import sheet_texts, wiring_csv
 from optopad.fabrication.sheets.bom import bom_rows
 from optopad.fabrication.sheets.schematic_svg import schematic_svg
 from optopad.fabrication.sketch import config_header, firmware_settings
-from optopad.sims.readings.readout import full_scale_counts
 from optopad.sims.readings.signal_chain import reading_times_s
 from tests.fabrication.simulated_board import (
     EMITTER_SWITCHED,

@@ -11,7 +11,8 @@ from optopad.design.fields.finding import error, warning
 from optopad.design.preset import preset
 from optopad.report.sections.maps import bounds_words
 from optopad.screen.answer import LINES, WIDTH, as_typed
-from optopad.screen.verdict import bound_lines, findings_screen, verdict_screen
+from optopad.screen.check import findings_screen
+from optopad.screen.verdict import bound_lines, verdict_screen
 from optopad.screen.verdict_sentences import sentences_of
 from optopad.sims.verdict.causes import Cause, Witness
 from tests.design.for_each import for_each
