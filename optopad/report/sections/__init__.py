@@ -1,4 +1,4 @@
 """The sections of a page, one per file.
 
-They may import `optopad.report.scenes`, `optopad.screen` and `optopad.screen`, and design, sims and cad.
+They may import `optopad.report.scenes` and `optopad.screen`, and design, sims and cad.
 """
