@@ -555,18 +555,8 @@ def merged(base: CatalogEntries, extra: CatalogEntries) -> CatalogEntries:
     """Both sets of entries; where an identifier is in both, `extra` takes precedence."""
     if extra == CatalogEntries():
         return base
-    return CatalogEntries(
-        parts={**base.parts, **extra.parts},
-        elastomers={**base.elastomers, **extra.elastomers},
-        mold_materials={**base.mold_materials, **extra.mold_materials},
-        boards={**base.boards, **extra.boards},
-        multiplexers={**base.multiplexers, **extra.multiplexers},
-        shift_registers={**base.shift_registers, **extra.shift_registers},
-        converters={**base.converters, **extra.converters},
-        led_drivers={**base.led_drivers, **extra.led_drivers},
-        amplifiers={**base.amplifiers, **extra.amplifiers},
-        transistors={**base.transistors, **extra.transistors},
-    )
+    tables = CatalogEntries.model_fields
+    return CatalogEntries(**{name: {**getattr(base, name), **getattr(extra, name)} for name in tables})
 
 
 def find_part(entries: CatalogEntries, part_id: str, kind: Literal["emitter", "receiver"]) -> Part:
