@@ -240,9 +240,14 @@ def _pad_numbers(design: SensorDesign) -> tuple[float, float, float]:
 
 def _deepest(design: SensorDesign, max_depth_mm: float | None) -> float:
     """The deepest press required [mm]; None is the design's. Refuse it if it is deeper than the model covers."""
-    if max_depth_mm is None:
-        return require_depth(design, design.operating.max_depth_mm, "operating.max_depth_mm")
-    return require_depth(design, max_depth_mm, "max_depth_mm")
+    return (
+        _own_deepest(design) if max_depth_mm is None else require_depth(design, max_depth_mm, "max_depth_mm")
+    )
+
+
+@once
+def _own_deepest(design: SensorDesign) -> float:
+    return require_depth(design, design.operating.max_depth_mm, "operating.max_depth_mm")
 
 
 def _placed(

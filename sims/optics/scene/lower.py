@@ -12,6 +12,7 @@ import numpy as np
 
 from optopad.design.arrays import BoolArray, FloatArray, IntArray
 from optopad.design.errors import InputError
+from optopad.design.once import once
 from optopad.design.shape.cavity import PlacedPart, Plan, cavity_of
 from optopad.design.shape.outline import Arc, Outline
 from optopad.design.spec import SensorDesign
@@ -165,6 +166,7 @@ ROUNDING = 1e-9
 them."""
 
 
+@once
 def scene_of(design: SensorDesign) -> OpticalScene:
     """Optical scene of a design: the clear layer and all active areas, in the order of the parts in the cavity.
 
