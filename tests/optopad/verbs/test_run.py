@@ -15,7 +15,7 @@ from optopad.design.io import load_design
 from optopad.design.preset import preset
 from optopad.fabrication.bundle import altered_files, bundle_name
 from optopad.fabrication.driver_file import load_driver_config
-from optopad.jobs.pipeline import run
+from optopad.jobs.pipeline import answer_part, run
 from tests.sims.made_up_scores import contiguous_score
 
 DESIGN = preset("piacenza2017-pair")
@@ -131,16 +131,16 @@ def test_a_second_run_makes_nothing(quick, tmp_path):
     }
 
 
-def test_a_file_that_was_edited_or_removed_is_made_again_and_said(quick, tmp_path):
-    for name in ("sims/answer.json", "fabrication/casting.md", "report.html"):
-        made = again(quick, tmp_path / "out")
-        (made.folder / name).write_text("{", encoding="utf-8")
-        assert (again(quick, tmp_path / "out").mended, name) == ((name,), name)
-        (made.folder / name).unlink()
-        assert (again(quick, tmp_path / "out").mended, name) == ((name,), name)
+def test_files_that_were_edited_or_removed_are_made_again_and_said(quick, tmp_path):
+    made = again(quick, tmp_path / "out")
+    (made.folder / "sims" / "answer.json").write_text("{", encoding="utf-8")
+    (made.folder / "fabrication" / "casting.md").unlink()
+    mended = again(quick, tmp_path / "out").mended
+    assert sorted(mended) == ["fabrication/casting.md", "sims/answer.json"]
     assert digests_in(made.folder) == digests_in(quick)
 
 
+@pytest.mark.slow
 def test_a_mold_that_was_edited_is_made_again_alone(quick, tmp_path):
     out = tmp_path / "out"
     stl = again(quick, out).folder / "cad" / "mold.stl"
@@ -158,15 +158,18 @@ def test_electronics_and_gain_take_the_mold_of_the_bundle_before(quick, tmp_path
     assert altered_files(made.folder) == ()
 
 
-def test_other_seeds_settings_and_versions_are_made_anew(quick, tmp_path, monkeypatch):
+def test_another_seed_is_made_anew(quick, tmp_path):
     assert not again(quick, tmp_path / "out", seed=1).is_current
-    assert not again(quick, tmp_path / "out", fine=True).is_current
-    assert not again(quick, tmp_path / "out").is_current  # the bundle has a fine verdict now
-    assert again(quick, tmp_path / "out").is_current
+    assert again(quick, tmp_path / "out", seed=1).is_current
+    assert answer_part(DESIGN, 0, fine=True).digest != answer_part(DESIGN, 0, fine=False).digest
+
+
+@pytest.mark.slow
+def test_another_program_makes_all_anew_and_so_does_force(quick, tmp_path, monkeypatch):
     monkeypatch.setattr("optopad.jobs.pipeline.program_digest", lambda: "another")
     assert not again(quick, tmp_path / "out", with_mold=True).is_current
-    monkeypatch.undo()
     assert not again(quick, tmp_path / "out", force=True, with_mold=True).is_current
+    assert again(quick, tmp_path / "out").is_current
 
 
 def test_every_file_states_what_it_was_made_from(quick):
