@@ -184,10 +184,11 @@ class Plan:
 @once
 def plan_of(design: SensorDesign) -> Plan:
     """Outline and top of a design's pad, without the facets of its parts in round walls."""
-    return _plan(design, ())
+    return plan_with(design, ())
 
 
-def _plan(design: SensorDesign, facets: Sequence[Line]) -> Plan:
+def plan_with(design: SensorDesign, facets: Sequence[Line]) -> Plan:
+    """Outline and top of a design's pad, with facets in its round walls."""
     size, crown = design.cavity, design.crown
     box = (0.0, 0.0, size.length_mm, size.width_mm)
     outline = outline_in(size.outline, box, facets)
@@ -350,7 +351,7 @@ def cavity_of(design: SensorDesign) -> CavityGeometry:
     bare, parts = plan_of(design), dict[tuple[str, Kind], Part]()
     placed = tuple(_placed(design, place, bare, parts) for place in expand(design.layout, size))
     return CavityGeometry(
-        plan=_plan(design, [part.line for part in placed if part.line not in bare.walls]),
+        plan=plan_with(design, [part.line for part in placed if part.line not in bare.walls]),
         black_mm=size.black_thickness_mm,
         emitters=tuple(part for part in placed if part.kind == "emitter"),
         receivers=tuple(part for part in placed if part.kind == "receiver"),

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from optopad.design.mold.filling import filling_holes
 from optopad.design.mold.outline import outline_of
 from optopad.design.preset import SHAPED_PRESETS, preset
-from optopad.design.shape.cavity import Plan, cavity_of, facet, plan_of, workspace_of
+from optopad.design.shape.cavity import Plan, cavity_of, facet, plan_with, workspace_of
 from optopad.design.shape.outline import Arc
 from optopad.design.spec import Crown, SensorDesign
 
@@ -20,10 +20,10 @@ DISC, CROWNED, DOME, _ = (preset(name) for name in SHAPED_PRESETS)
 WHOLE = Arc(centre_mm=(11.0, 11.0), radius_mm=11.0, start_rad=0.0, turn_rad=2.0 * math.pi)
 
 
-def plan_with(crown: Crown | None, *, is_disc: bool, sides: int = 0) -> Plan:
+def made_plan(crown: Crown | None, *, is_disc: bool, sides: int = 0) -> Plan:
     walls = tuple(facet(WHOLE, 360.0 / sides * k, 1.5) for k in range(sides))
     base = (DOME if is_disc else CROWNED).with_(**{"cavity.clear_thickness_mm": 8.0})
-    return plan_of(base.model_copy(update={"crown": crown}), walls)
+    return plan_with(base.model_copy(update={"crown": crown}), walls)
 
 
 def sphere(radius_mm: float) -> Crown:
@@ -83,7 +83,7 @@ def test_a_ring_goes_around_in_turn_from_its_first_angle() -> None:
 def test_area_and_volume_are_those_of_many_random_points(
     is_disc: bool, sides: int, crown: Crown | None
 ) -> None:
-    plan = plan_with(crown, is_disc=is_disc, sides=sides)
+    plan = made_plan(crown, is_disc=is_disc, sides=sides)
     points = np.random.default_rng(7).uniform((0, 0, 0), (plan.length_mm, plan.width_mm, 8.0), (40_000, 3))
     x, y, z = points.T
     inside = plan.outline.contains(x, y)
@@ -94,14 +94,14 @@ def test_area_and_volume_are_those_of_many_random_points(
 
 
 def test_a_dome_without_facets_has_the_volume_of_a_cap_on_a_cylinder() -> None:
-    plan, high = plan_with(sphere(18.0), is_disc=True), 18.0 - math.sqrt(18.0**2 - 11.0**2)
+    plan, high = made_plan(sphere(18.0), is_disc=True), 18.0 - math.sqrt(18.0**2 - 11.0**2)
     cap = math.pi * high**2 * (18.0 - high / 3)
     assert plan.clear_volume_mm3 == pytest.approx(math.pi * 121.0 * (8.0 - high) + cap, rel=1e-12)
     assert plan.rim_mm == pytest.approx((8.0 - high, 8.0 - high))
 
 
 def test_a_cylinder_has_the_volume_of_its_section() -> None:
-    plan, half = plan_with(cylinder(60.0, "x"), is_disc=False), 12.5
+    plan, half = made_plan(cylinder(60.0, "x"), is_disc=False), 12.5
     segment = 60.0**2 * math.asin(half / 60.0) - half * math.sqrt(60.0**2 - half**2)
     low = 8.0 - (60.0 - math.sqrt(60.0**2 - half**2))
     assert plan.clear_volume_mm3 == pytest.approx(40.0 * (25.0 * low + segment), rel=1e-12)
@@ -111,7 +111,7 @@ def test_a_cylinder_has_the_volume_of_its_section() -> None:
 @given(st.floats(0.0, 22.0), st.floats(0.0, 22.0))
 def test_normals_are_at_right_angles_to_the_top(x: float, y: float) -> None:
     for crown in (None, sphere(18.0), cylinder(18.0, "x"), cylinder(18.0, "y")):
-        plan = plan_with(crown, is_disc=True)
+        plan = made_plan(crown, is_disc=True)
         if math.hypot(x - 11.0, y - 11.0) > 10.9:
             continue
         nx, ny, nz = plan.normal(x, y)
