@@ -10,7 +10,7 @@
         for touch in optopad.TouchReader(sensor, optopad.load_model("pad.optomodel")).touches(seconds=3.0):
             print(touch)
 
-Parts, each importing only earlier ones: work, screen, report, jobs, sensor. Entry points: api (Python), cli
+Parts, each importing only earlier ones: work, screen, report, bundle_parts, sensor. Entry points: api (Python), cli
 (terminal).
 """
 

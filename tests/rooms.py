@@ -61,7 +61,7 @@ FLOORS: dict[str, tuple[str, ...]] = {
     "sims/learning": ("inference", "samples", "fits", "calibration"),
     "fabrication": ("driver_file", "sketch", "driver_config", "sheets", "ros2", "driver", "stage"),
     "fabrication/driver": ("link", "simulated", "recording", "stream", "sensor", "observations"),
-    "optopad": ("work", "screen", "report", "jobs", "sensor", "studio", "cli", "verbs", "api"),
+    "optopad": ("work", "screen", "report", "bundle_parts", "sensor", "studio", "cli", "verbs", "api"),
     "optopad/report": ("words", "scenes", "sections", "page"),
     "optopad/studio": ("session", "workshop", "live", "view"),
 }

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from optopad.bundle_parts import checks_of, mold_part
 from optopad.cli.verb import typed, verb
 from optopad.design.mold.filling import is_cast_under_lid
 from optopad.design.parts.assumptions import bed_of
 from optopad.design.progress import OnStep
+from optopad.design.rules.check import require_valid
 from optopad.design.shape.cavity import plan_of
 from optopad.design.spec import SensorDesign
+from optopad.fabrication.bundle import bundle, bundle_name
 from optopad.fabrication.sheets.silicone import pours
-from optopad.jobs.pipeline import write_parts
 from optopad.screen.answer import checks_line
 from optopad.screen.output import Told
 from optopad.screen.verdict import finding_line
@@ -35,10 +37,18 @@ def build(
     bed : Build volume of the printer in mm, as 220,220,250.
     slice_parts : Also slice with PrusaSlicer: time, filament, warnings.
     """
+    from optopad.cad.export import export_parts
+
+    require_valid(design)
     room = None if bed is None else bed_of(bed)
-    checks, folder = write_parts(
-        design, out, seed=seed, on_step=on_step, bed_mm=room, slice_parts=slice_parts
-    )
+    on_step("mold", 0.0)
+    settings = ({} if room is None else {"bed_mm": room}) | ({"slice_parts": True} if slice_parts else {})
+    with bundle(design, out, seed=seed, parts=(mold_part(design, **settings),)) as staging:
+        (staging / "cad").mkdir(exist_ok=True)
+        export_parts(design, staging / "cad", bed_mm=room, slice_parts=slice_parts)
+        checks = checks_of(staging / "cad")
+        on_step("mold", 1.0)
+    folder = out / bundle_name(design)
     lines = [finding_line(one) for one in checks["findings"] if one["state"] != "ok"]
     for part, printed in checks.get("prints", {}).items():
         lines.append(f"{part:<15} {printed['minutes']:6.0f} min {printed['filament_g']:7.2f} g")

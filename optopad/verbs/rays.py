@@ -20,7 +20,6 @@ from optopad.design.rules.check import require_valid
 from optopad.design.shape.cavity import CavityGeometry, PlacedPart, cavity_of, chord_midpoint_mm, pair_name
 from optopad.design.spec import SensorDesign
 from optopad.fabrication.bundle import bundle, bundle_name
-from optopad.jobs.signals import require_presses
 from optopad.screen.rays import RayView
 from optopad.sims.contact.indentation import solved_press
 from optopad.sims.plots.files import write_plot
@@ -28,6 +27,7 @@ from optopad.sims.plots.ray_sheet import ray_sheet
 from optopad.sims.plots.rays import Cut, cut_across, cut_of_pair, cut_through
 from optopad.sims.plots.style import plain_style
 from optopad.sims.rays import Pair, Press, RayChoice, ray_states
+from optopad.verbs.simulate import require_presses
 from optopad.work import OUT
 
 PREFIX = "rays"

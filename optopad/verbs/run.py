@@ -1,20 +1,41 @@
-"""Makes the whole bundle of a design: mold, verdict, sheets, firmware, driver configuration, report."""
+"""Makes the whole bundle of a design: mold, verdict, sheets, firmware, driver configuration, report.
+
+Only what changed is made. A mold may also come from another bundle, since electronics, gain and surfaces do not change
+it. Light that was traced before is read from disk in any case.
+
+Mold and physics run in parallel. The mold is made in a new process, because the CAD kernel does not survive a fork. The
+physics runs in this process.
+"""
 
 from __future__ import annotations
 
 import json
+import subprocess
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
 from os import PathLike
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from optopad.bundle_parts import ANSWER, answer_part, checks_of, mold_part, scored, write_pages
 from optopad.cli.verb import Asked, verb
+from optopad.design.errors import InputError, OutputError
+from optopad.design.io import save_design, write_text_atomically
 from optopad.design.progress import OnStep, silent
+from optopad.design.rules.check import require_valid
 from optopad.design.spec import SensorDesign
-from optopad.jobs import pipeline
+from optopad.fabrication.bundle import Part, altered_files, bundle, bundle_name, copy_part, is_current
 from optopad.screen.answer import Answer, checks_words, labelled, learner_words, row
 from optopad.screen.bundle import Bundle
 from optopad.screen.output import Told, foretell_score
-from optopad.work import OUT
+from optopad.work import OUT, started
+
+if TYPE_CHECKING:
+    from optopad.sims.score.result import ContinuityScore
+
+REFUSED = 2
+"""Exit code of the mold's process if it refused the work with a message for the user."""
 
 
 def run(
@@ -37,7 +58,7 @@ def run(
     DesignError : the design breaks a rule.
     OutputError : the folder cannot be written.
     """
-    return pipeline.run(design, Path(out), fine=fine, seed=seed, force=force, on_step=on_step or silent)
+    return _made(design, Path(out), fine=fine, seed=seed, force=force, on_step=on_step or silent)
 
 
 @verb()
@@ -59,7 +80,7 @@ def run_command(
     ----------
     force : Make parts again that are up to date.
     """
-    made = pipeline.run(
+    made = _made(
         design,
         out,
         fine=fine,
@@ -75,9 +96,102 @@ def run_command(
         print(f"{name} was changed or removed after the run that made it: made again", file=sys.stderr)
     if made.is_current:
         print("up to date: nothing changed since the run that made this bundle", file=sys.stderr)
-    answer = Answer.read(made.folder / "sims" / "answer.json")
+    answer = Answer.read(made.folder / ANSWER)
     page, mold = labelled("report", str(made.report)), checks_words(made.checks)
     if details:
         return Told({}, [*answer.details, labelled("size", answer.size), labelled("mold", mold), page])
     learner, closing = learner_words(made.folder, design.digest), [*row("mold", mold, 2), page]
     return Told({}, answer.lines(closing, command=asked.words, is_built=True, learner=learner))
+
+
+def _made(
+    design: SensorDesign,
+    out: Path,
+    *,
+    fine: bool,
+    seed: int,
+    force: bool = False,
+    on_start: Callable[[], None] = lambda: None,
+    on_step: OnStep,
+) -> Bundle:
+    """The bundle; `on_start` is called before the verdict is computed."""
+    require_valid(design)
+    final, mold, answer = out / bundle_name(design), mold_part(design), answer_part(design, seed, fine=fine)
+    kept = [] if force else [part for part in (mold, answer) if is_current(final, part)]
+    altered = _altered(final)
+    found: ContinuityScore | None = None
+    if len(kept) < 2 or "design.toml" in altered:
+        with bundle(design, out, seed=seed, parts=(mold, answer)) as folder:
+            has_mold = mold in kept or (not force and _copied_mold(design, mold, folder, out))
+            with nullcontext() if has_mold else _mold_beside(design, folder) as process:
+                if answer not in kept:
+                    on_start()
+                    found, early = scored(
+                        design, folder, fine=fine, seed=seed, on_step=on_step, with_page=True
+                    )
+                if process is not None:
+                    on_step("mold beside", 0.0)
+                    _finish(process)
+                    on_step("mold beside", 1.0)
+            if found is not None:
+                on_step("files", 0.0)
+                write_pages(design, folder, found, seed, early)
+                on_step("files", 1.0)
+    return Bundle(
+        design=design,
+        folder=final,
+        checks=checks_of(final / "cad"),
+        score_of=lambda: found or _again(design, fine=fine, seed=seed),
+        is_current=len(kept) == 2,
+        mended=tuple(name for name in altered if (final / name).is_file()),
+    )
+
+
+def _again(design: SensorDesign, *, fine: bool, seed: int) -> ContinuityScore:
+    from optopad.sims.score.scoring import score
+
+    return score(design, fine=fine, seed=seed)
+
+
+def _altered(folder: Path) -> tuple[str, ...]:
+    """Files of a bundle that were changed or removed after a command wrote them; none if there is no bundle."""
+    try:
+        return altered_files(folder)
+    except InputError:
+        return ()
+
+
+def _copied_mold(design: SensorDesign, mold: Part, folder: Path, out: Path) -> bool:
+    """Whether the mold could be taken from another bundle; its checks then name this design."""
+    if not copy_part(mold, folder, out, design.name):
+        return False
+    checks = checks_of(folder / "cad") | {"digest": design.digest}
+    write_text_atomically(folder / "cad" / "checks.json", json.dumps(checks, indent=2) + "\n")
+    return True
+
+
+@contextmanager
+def _mold_beside(design: SensorDesign, folder: Path) -> Iterator[subprocess.Popen[str]]:
+    (folder / "cad").mkdir(exist_ok=True)
+    save_design(design, folder / "design.toml")
+    process = started(["-m", "optopad.cad", str(folder / "design.toml"), str(folder / "cad")])
+    try:
+        yield process
+    finally:
+        if process.poll() is None:
+            process.kill()
+            process.communicate()
+
+
+def _finish(mold: subprocess.Popen[str]) -> None:
+    """Wait for the process that makes the mold.
+
+    Raises
+    ------
+    OutputError, RuntimeError : the process refused the work or failed; the error has the process's message.
+    """
+    _, message = mold.communicate()
+    if mold.returncode == REFUSED:
+        raise OutputError(message.strip())
+    if mold.returncode != 0:
+        raise RuntimeError(f"the mold's process ended with {mold.returncode}: {message.strip()}")

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
+from optopad.bundle_parts import ANSWER, Study, answer_part, scored, write_pages
 from optopad.cli.verb import Asked, verb
 from optopad.design.errors import InputError
 from optopad.design.progress import OnStep
+from optopad.design.rules.check import require_valid
 from optopad.design.spec import SensorDesign
-from optopad.jobs.pipeline import write_score
+from optopad.fabrication.bundle import bundle, bundle_name
 from optopad.screen.answer import Answer, labelled, learner_words
 from optopad.screen.output import Told, foretell_score
 from optopad.screen.score import Score
 from optopad.sims.score import scoring
 from optopad.sims.score.build_tolerance import DEFAULT_BUILDS
+from optopad.sims.score.result import ContinuityScore
 from optopad.sims.verdict.builds import FEWEST_BUILDS, MOST_BUILDS
-from optopad.work import OUT
+from optopad.work import OUT, FinishedWork
 
 
 def score(
@@ -67,8 +72,8 @@ def score_command(
     """
     drawn = _drawn_builds(tolerance, builds)
     foretell_score(design, fine=fine, full=full, quiet=as_json)
-    found, folder = write_score(design, out, fine=fine, full=full, seed=seed, on_step=on_step, builds=drawn)
-    answer, files = Answer.read(folder / "sims" / "answer.json"), labelled("files", str(folder))
+    found, folder = _written(design, out, fine=fine, full=full, seed=seed, on_step=on_step, builds=drawn)
+    answer, files = Answer.read(folder / ANSWER), labelled("files", str(folder))
     if details:
         lines = [*answer.details, labelled("size", answer.size), files]
     else:
@@ -86,3 +91,49 @@ def _drawn_builds(tolerance: bool, builds: int | None) -> int | None:
     if not FEWEST_BUILDS <= drawn <= MOST_BUILDS:
         raise InputError(f"--builds: {drawn} is refused: give {FEWEST_BUILDS} to {MOST_BUILDS}")
     return drawn
+
+
+def _written(
+    design: SensorDesign,
+    out: Path,
+    *,
+    fine: bool,
+    seed: int,
+    on_step: OnStep,
+    full: bool = False,
+    builds: int | None = None,
+) -> tuple[ContinuityScore, Path]:
+    """Write verdict, map and the map's signals into the bundle; the score and the bundle's folder."""
+    require_valid(design)
+    settings = (
+        {"fine": fine} | ({"full": full} if full else {}) | ({} if builds is None else {"builds": builds})
+    )
+    has_page = (
+        out / bundle_name(design) / "report.html"
+    ).exists()  # a bundle has one verdict: its page is made anew
+    parts = (answer_part(design, seed, has_page=has_page, **settings),)
+    with _study(design, out, builds, seed) as study, bundle(design, out, seed=seed, parts=parts) as folder:
+        score, early = scored(
+            design,
+            folder,
+            fine=fine,
+            full=full,
+            seed=seed,
+            on_step=on_step,
+            with_page=has_page,
+            study=study,
+        )
+        if has_page:
+            write_pages(design, folder, score, seed, early)
+    return score, out / bundle_name(design)
+
+
+@contextmanager
+def _study(design: SensorDesign, out: Path, builds: int | None, seed: int) -> Iterator[Study | None]:
+    """Yield the Monte Carlo over tolerances with its store, removed afterwards; None if `builds` is None."""
+    if builds is None:
+        yield None
+        return
+    memo = FinishedWork(out, f"{bundle_name(design)}.builds", [design.digest, seed])
+    yield Study(builds=builds, memo=memo)
+    memo.forget()

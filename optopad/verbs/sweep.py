@@ -181,9 +181,9 @@ def _refined(variant: SensorDesign, row: SweepRow, kept: FinishedWork, seed: int
 
 def _judged(variant: SensorDesign, out: Path, *, fine: bool, seed: int, build: bool) -> Any:
     if build:
-        from optopad.jobs.pipeline import run
+        from optopad.verbs.run import run
 
-        return run(variant, out, fine=fine, seed=seed, on_step=silent).score.found
+        return run(variant, out=out, fine=fine, seed=seed).score.found
     return _scored(variant, fine=fine, seed=seed)
 
 

@@ -9,13 +9,14 @@ import pytest
 import trimesh
 import xarray as xr
 
+from optopad.bundle_parts import answer_part
 from optopad.cli import main
 from optopad.design.errors import OutputError
 from optopad.design.io import load_design
 from optopad.design.preset import preset
 from optopad.fabrication.bundle import altered_files, bundle_name
 from optopad.fabrication.driver_file import load_driver_config
-from optopad.jobs.pipeline import answer_part, run
+from optopad.verbs.run import run
 from tests.sims.made_up_scores import contiguous_score
 
 DESIGN = preset("piacenza2017-pair")
@@ -60,7 +61,7 @@ def no_step(_stage, _share) -> None:
 @pytest.fixture(scope="module")
 def folder(out) -> Path:
     """A whole run, with the models' own score."""
-    return run(DESIGN, out, fine=False, seed=0, on_step=no_step).folder
+    return run(DESIGN, out=out, seed=0).folder
 
 
 def make_up_physics(patch: pytest.MonkeyPatch) -> None:
@@ -84,7 +85,7 @@ def quick(tmp_path_factory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(here)
         make_up_physics(patch)
-        return here / run(DESIGN, Path("outputs"), fine=False, seed=0, on_step=no_step).folder
+        return here / run(DESIGN, out=Path("outputs")).folder
 
 
 def names_in(folder: Path) -> set[str]:
@@ -114,8 +115,8 @@ def again(made: Path, out: Path, design=DESIGN, *, with_mold: bool = False, **op
     with pytest.MonkeyPatch.context() as patch:
         make_up_physics(patch)
         if not with_mold:
-            patch.setattr("optopad.jobs.pipeline.started", None)
-        return run(design, out, **{"fine": False, "seed": 0, "on_step": no_step} | options)
+            patch.setattr("optopad.verbs.run.started", None)
+        return run(design, out=out, **options)
 
 
 def digests_in(folder: Path) -> dict[str, str]:
@@ -166,10 +167,29 @@ def test_another_seed_is_made_anew(quick, tmp_path):
 
 @pytest.mark.slow
 def test_another_program_makes_all_anew_and_so_does_force(quick, tmp_path, monkeypatch):
-    monkeypatch.setattr("optopad.jobs.pipeline.program_digest", lambda: "another")
+    monkeypatch.setattr("optopad.bundle_parts.program_digest", lambda: "another")
     assert not again(quick, tmp_path / "out", with_mold=True).is_current
     assert not again(quick, tmp_path / "out", force=True, with_mold=True).is_current
     assert again(quick, tmp_path / "out").is_current
+
+
+def test_a_run_after_a_score_makes_the_report_and_the_sheets(quick, tmp_path):
+    out = tmp_path / "out"
+    folder = again(quick, out).folder
+    with pytest.MonkeyPatch.context() as patch:
+        make_up_physics(patch)
+        for name in ("report.html", "fabrication", "sims"):
+            path = folder / name
+            path.unlink() if path.is_file() else shutil.rmtree(path)
+        assert main(["score", DESIGN.name, "--out", str(out)]) == 0
+    assert not (folder / "report.html").exists()
+    assert not again(quick, out).is_current
+    assert names_in(folder) == names_in(quick)
+    assert again(quick, out).is_current
+    with pytest.MonkeyPatch.context() as patch:
+        make_up_physics(patch)
+        assert main(["score", DESIGN.name, "--out", str(out)]) == 0
+    assert again(quick, out).is_current  # the score made the page anew, from the same inputs
 
 
 def test_every_file_states_what_it_was_made_from(quick):
@@ -277,9 +297,9 @@ def test_a_run_that_fails_late_leaves_the_old_bundle_intact(quick, monkeypatch):
     def full_disk(*_args, **_kwargs):
         raise OSError(28, "No space left on device", str(folder.parent / f".{folder.name}.x"))
 
-    monkeypatch.setattr("optopad.jobs.pipeline._scored", full_disk)
+    monkeypatch.setattr("optopad.verbs.run.scored", full_disk)
     with pytest.raises((OutputError, OSError)):
-        run(DESIGN, out, fine=False, seed=0, force=True, on_step=no_step)
+        run(DESIGN, out=out, force=True)
     assert (folder / "manifest.json").read_bytes() == before
     assert altered_files(folder) == ()
     assert [path.name for path in out.iterdir()] == [bundle_name(DESIGN)]

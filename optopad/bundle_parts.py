@@ -1,0 +1,210 @@
+"""Parts of a bundle that several verbs write: the verdict, and the sheets and the report that follow from it.
+
+A part that a bundle already has from the same inputs is not made again (`optopad.fabrication.bundle.Part`).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from optopad.design.io import write_text_atomically
+from optopad.design.progress import OnStep
+from optopad.design.spec import SensorDesign
+from optopad.fabrication.bundle import Part, program_digest
+from optopad.work import FinishedWork
+
+if TYPE_CHECKING:
+    from optopad.fabrication.gain import SimulatedGain
+    from optopad.fabrication.sheets.bom import BomRow
+    from optopad.fabrication.sheets.prices import Price, PriceKey
+    from optopad.report.sections.early import EarlyDrawings
+    from optopad.sims.score.result import ContinuityScore
+
+ANSWER = Path("sims", "answer.json")
+"""File of a bundle with the texts of the screen (`optopad.screen.answer`)."""
+
+
+def mold_part(design: SensorDesign, **settings: Any) -> Part:
+    """The mold and its tools as a part of a bundle; `settings` are those of `optopad build`."""
+    return Part({"mold": design.mold_digest, "program": program_digest(), **settings}, ("cad/",))
+
+
+def answer_part(design: SensorDesign, seed: int, *, has_page: bool = True, **settings: Any) -> Part:
+    """The verdict and what follows from it as a part of a bundle.
+
+    Parameters
+    ----------
+    has_page : whether the report, the sheets and the firmware are made, too
+    settings : those of a score
+    """
+    inputs = {
+        "design": design.digest,
+        "seed": seed,
+        "program": program_digest(),
+        "has_page": has_page,
+        **settings,
+    }
+    return Part(inputs, ("sims/", "fabrication/", "report.html"))
+
+
+def checks_of(folder: Path) -> dict[str, Any]:
+    """The checks of the mold in the folder of its files."""
+    checks: dict[str, Any] = json.loads((folder / "checks.json").read_text(encoding="utf-8"))
+    return checks
+
+
+def mold_mm3(checks: dict[str, Any]) -> float:
+    """Volume of the mold's solid, from its checks [mm3]."""
+    return float(checks["volumes_mm3"]["mold"]["solid"])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Study:
+    """A Monte Carlo over tolerances: requested number of simulated units, and store of finished ones."""
+
+    builds: int
+    memo: FinishedWork
+
+
+def scored(
+    design: SensorDesign,
+    folder: Path,
+    *,
+    fine: bool,
+    seed: int,
+    on_step: OnStep,
+    with_page: bool,
+    full: bool = False,
+    study: Study | None = None,
+) -> tuple[ContinuityScore, EarlyDrawings | None]:
+    """Compute and write the score; draw the plots of the report page if `with_page`.
+
+    Files that do not depend on the tolerances are written while the effect of tolerances is computed.
+    """
+    from optopad.screen.figures import summary_words
+    from optopad.screen.verdict import answer_of
+    from optopad.sims.score.build_tolerance import with_tolerance
+    from optopad.sims.score.field_steps import with_field_steps
+    from optopad.sims.score.scoring import score as judge
+    from optopad.sims.score.trials import with_trial
+    from optopad.work import beside
+
+    sims = folder / "sims"
+    sims.mkdir(exist_ok=True)
+    for kind in ("svg", "png"):  # of an earlier score: a bundle has one verdict
+        (sims / f"builds.{kind}").unlink(missing_ok=True)
+    score = judge(design, fine=fine, full=full, seed=seed, tolerance=False, on_step=on_step)
+    with beside(lambda: _without_tolerance(design, score, sims, seed, with_page=with_page)) as drawn:
+        if study is None:
+            found = with_tolerance(design, score, seed=seed, on_step=on_step)
+        else:
+            found = _with_builds(design, score, study, seed=seed, on_step=on_step)
+        found = with_field_steps(design, found, seed=seed, on_step=on_step)
+        found = with_trial(design, found, seed=seed, on_step=on_step)
+        early = drawn()
+    _write_builds(found, sims)
+    write_text_atomically(sims / "score.json", json.dumps(found.to_json(), indent=2) + "\n")
+    write_text_atomically(folder / ANSWER, answer_of(design, found, summary_words(design, found)).to_text())
+    return found, early
+
+
+def _without_tolerance(
+    design: SensorDesign, score: ContinuityScore, sims: Path, seed: int, *, with_page: bool
+) -> EarlyDrawings | None:
+    from optopad.design.shape.cavity import cavity_of
+    from optopad.report.sections.early import early_drawings
+    from optopad.sims.plots.files import write_bound_plots
+    from optopad.sims.readings.readout import save_dataset, signals_dataset
+    from optopad.sims.score.maps_file import maps_dataset
+
+    if score.pad_signals is not None and score.readout is not None:
+        gain = score.readout.counts_per_flux
+        save_dataset(
+            signals_dataset(score.pad_signals, cavity_of(design), counts_per_flux=gain), sims / "signals.nc"
+        )
+        save_dataset(maps_dataset(design, score), sims / "maps.nc")
+    if score.bounds is not None:
+        write_bound_plots(design, score.bounds, sims)
+    return early_drawings(design, score, seed=seed) if with_page else None
+
+
+def _with_builds(
+    design: SensorDesign, score: ContinuityScore, study: Study, *, seed: int, on_step: OnStep
+) -> ContinuityScore:
+    from optopad.sims.score.build_tolerance import with_builds
+
+    return with_builds(design, score, builds=study.builds, seed=seed, memo=study.memo, on_step=on_step)
+
+
+def _write_builds(score: ContinuityScore, sims: Path) -> None:
+    if score.builds is None or score.tolerance is None:
+        return
+    from optopad.sims.plots.builds import plot_builds
+    from optopad.sims.plots.files import write_plot
+    from optopad.sims.plots.style import plain_style
+
+    with plain_style():
+        write_plot(plot_builds(score.builds, score.tolerance), sims / "builds")
+
+
+def simulated_gain(score: ContinuityScore) -> SimulatedGain | None:
+    """The gains and the untouched light of a score; None if the models do not cover the design."""
+    from optopad.fabrication.gain import SimulatedGain
+
+    if score.readout is None or score.untouched_flux is None:
+        return None
+    return SimulatedGain(
+        counts_per_flux=score.readout.of_each(score.untouched_flux.shape[1]),
+        untouched_flux=tuple(tuple(row) for row in score.untouched_flux.tolist()),
+    )
+
+
+def write_fabrication(
+    design: SensorDesign,
+    folder: Path,
+    gain: SimulatedGain | None,
+    mold_mm3: float,
+    prices: Mapping[PriceKey, Price] | None = None,
+) -> tuple[BomRow, ...]:
+    """Write sheets and firmware; return the rows of the bill of materials."""
+    from optopad.design.circuit.circuit import Circuit
+    from optopad.design.pad import Pad
+    from optopad.fabrication.sheets.all_sheets import write_sheets
+    from optopad.fabrication.sheets.bom import bom_rows
+    from optopad.fabrication.sheets.prices import priced
+    from optopad.fabrication.sketch import firmware_gaps, firmware_settings, write_sketch
+
+    rows = priced(bom_rows(design, gain, mold_mm3), prices or {})
+    (folder / "fabrication").mkdir(exist_ok=True)
+    write_sheets(design, folder / "fabrication", gain, rows)
+    if not firmware_gaps(Circuit.of(design)):  # a board that cannot be programmed has its warning
+        write_sketch(firmware_settings(Pad.of(design)), folder / "fabrication" / "firmware")
+    return rows
+
+
+def _write_report(
+    design: SensorDesign,
+    folder: Path,
+    score: ContinuityScore,
+    checks: dict[str, Any],
+    seed: int,
+    early: EarlyDrawings | None,
+) -> None:
+    from optopad.report.page import write_report
+
+    write_report(design, folder, score, checks, seed=seed, early=early)
+
+
+def write_pages(
+    design: SensorDesign, folder: Path, score: ContinuityScore, seed: int, early: EarlyDrawings | None
+) -> None:
+    """Write what follows from a verdict and a mold: sheets, firmware, driver configuration, report."""
+    from optopad.report.page import write_report
+
+    checks = checks_of(folder / "cad")
+    write_fabrication(design, folder, simulated_gain(score), mold_mm3(checks))
+    write_report(design, folder, score, checks, seed=seed, early=early)
