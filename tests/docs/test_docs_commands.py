@@ -23,7 +23,7 @@ REPOSITORY = Path(__file__).parents[2]
 DOCS = REPOSITORY / "docs"
 PAGES = sorted([*DOCS.rglob("*.md"), REPOSITORY / "README.md"])
 RUN_WHOLE = {"README.md"}
-"""Pages whose commands all run in every CI run; those of the others before a release."""
+"""Pages that count as tests of their verbs; the commands of every page run before a release."""
 QUICK_VERBS = {"new", "check", "schema", "driver firmware", "part new", "parts"}
 RUN_ELSEWHERE = {
     "driver ros2": "fabrication/ros2/test_workspace.py",
@@ -226,15 +226,8 @@ def test_every_verb_runs_on_a_page_that_runs_whole_or_in_a_test_of_its_own():
         )
 
 
-@pytest.mark.parametrize(
-    "page",
-    [
-        pytest.param(
-            page, marks=pytest.mark.slow if name_of(page) in RUN_WHOLE else pytest.mark.full, id=name_of(page)
-        )
-        for page in PAGES_WITH_COMMANDS
-    ],
-)
+@pytest.mark.full
+@pytest.mark.parametrize("page", PAGES_WITH_COMMANDS, ids=name_of)
 def test_all_commands_of_every_page_succeed(page, in_empty_folder):
     prepare(page, with_data=True)
     with ExitStack() as boards:
