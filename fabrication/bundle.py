@@ -6,7 +6,7 @@ the swap, the next command that writes to the bundle restores it.
 
 The manifest says of every file which inputs it was made from: the part of the design, the seed, the settings and the
 program, each set named by its digest. A part whose inputs are the same and whose files are intact need not be made
-again (`is_current`).
+again (`current_files`).
 
 Several commands, processes and threads may work on one bundle at a time. Each has its own hidden folder, which is
 locked while it is in use. Before the swap, files that other commands have finished in the meantime are copied into the
@@ -176,23 +176,24 @@ def write_manifest(
     write_text_atomically(folder / MANIFEST, json.dumps(document, indent=2, sort_keys=True) + "\n")
 
 
-def is_current(folder: Path, part: Part) -> bool:
-    """Whether a bundle has a part that was made from the same inputs, with all of its files as they were made."""
-    manifest = _former_manifest(folder)
-    files = manifest["inputs"].get(part.digest, {}).get("files", [])
-    return bool(files) and all(
-        manifest["files"].get(name, {}).get("made_from") == part.digest
-        and (folder / name).is_file()
+def current_files(folder: Path, part: Part) -> list[str]:
+    """Names of the files of a bundle's part, if it was made from the same inputs and all are as they were made."""
+    manifest, there = _former_manifest(folder), set(_files(folder))
+    names: list[str] = manifest["inputs"].get(part.digest, {}).get("files", [])
+    is_whole = all(
+        name in there
+        and manifest["files"].get(name, {}).get("made_from") == part.digest
         and _record(folder / name)["sha256"] == manifest["files"][name]["sha256"]
-        for name in files
+        for name in names
     )
+    return names if is_whole else []
 
 
 def copy_part(part: Part, folder: Path, out: Path, name: str) -> bool:
     """Copy a part into `folder` from another bundle of the same name in `out`, if one has it; returns whether so."""
     for other in sorted(out.glob(f"{glob.escape(name)}-????????")):
-        if is_current(other, part):
-            for file in _former_manifest(other)["inputs"][part.digest]["files"]:
+        if files := current_files(other, part):
+            for file in files:
                 (folder / file).parent.mkdir(parents=True, exist_ok=True)
                 shutil.copyfile(other / file, folder / file)
             return True

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from optopad.design.io import write_text_atomically
+from optopad.design.parts.assumptions import Bed
 from optopad.design.progress import OnStep
 from optopad.design.spec import SensorDesign
 from optopad.fabrication.bundle import Part, program_digest
@@ -28,27 +28,37 @@ ANSWER = Path("sims", "answer.json")
 """File of a bundle with the texts of the screen (`optopad.screen.answer`)."""
 
 
-def mold_part(design: SensorDesign, **settings: Any) -> Part:
-    """The mold and its tools as a part of a bundle; `settings` are those of `optopad build`."""
-    return Part({"mold": design.mold_digest, "program": program_digest(), **settings}, ("cad/",))
+def mold_part(design: SensorDesign, bed_mm: Bed | None = None, *, slice_parts: bool = False) -> Part:
+    """The mold and its tools as a part of a bundle; the settings are those of `optopad build`."""
+    inputs = {"mold": design.mold_digest, "bed_mm": bed_mm, "slice_parts": slice_parts}
+    return Part(inputs | {"program": program_digest()}, ("cad/",))
 
 
-def answer_part(design: SensorDesign, seed: int, *, has_page: bool = True, **settings: Any) -> Part:
+def answer_part(
+    design: SensorDesign,
+    seed: int,
+    *,
+    fine: bool = False,
+    full: bool = False,
+    builds: int | None = None,
+    has_page: bool = True,
+) -> Part:
     """The verdict and what follows from it as a part of a bundle.
 
     Parameters
     ----------
+    fine, full, builds : settings of the score
     has_page : whether the report, the sheets and the firmware are made, too
-    settings : those of a score
     """
     inputs = {
         "design": design.digest,
         "seed": seed,
-        "program": program_digest(),
+        "fine": fine,
+        "full": full,
+        "builds": builds,
         "has_page": has_page,
-        **settings,
     }
-    return Part(inputs, ("sims/", "fabrication/", "report.html"))
+    return Part(inputs | {"program": program_digest()}, ("sims/", "fabrication/", "report.html"))
 
 
 def checks_of(folder: Path) -> dict[str, Any]:
@@ -62,14 +72,6 @@ def mold_mm3(checks: dict[str, Any]) -> float:
     return float(checks["volumes_mm3"]["mold"]["solid"])
 
 
-@dataclass(frozen=True, kw_only=True)
-class Study:
-    """A Monte Carlo over tolerances: requested number of simulated units, and store of finished ones."""
-
-    builds: int
-    memo: FinishedWork
-
-
 def scored(
     design: SensorDesign,
     folder: Path,
@@ -79,15 +81,21 @@ def scored(
     on_step: OnStep,
     with_page: bool,
     full: bool = False,
-    study: Study | None = None,
+    builds: int | None = None,
+    memo: FinishedWork | None = None,
 ) -> tuple[ContinuityScore, EarlyDrawings | None]:
     """Compute and write the score; draw the plots of the report page if `with_page`.
 
     Files that do not depend on the tolerances are written while the effect of tolerances is computed.
+
+    Parameters
+    ----------
+    builds : number of units in a Monte Carlo over manufacturing tolerances; None for none
+    memo : store of its finished units
     """
     from optopad.screen.figures import summary_words
     from optopad.screen.verdict import answer_of
-    from optopad.sims.score.build_tolerance import with_tolerance
+    from optopad.sims.score.build_tolerance import with_builds, with_tolerance
     from optopad.sims.score.field_steps import with_field_steps
     from optopad.sims.score.scoring import score as judge
     from optopad.sims.score.trials import with_trial
@@ -99,10 +107,10 @@ def scored(
         (sims / f"builds.{kind}").unlink(missing_ok=True)
     score = judge(design, fine=fine, full=full, seed=seed, tolerance=False, on_step=on_step)
     with beside(lambda: _without_tolerance(design, score, sims, seed, with_page=with_page)) as drawn:
-        if study is None:
+        if builds is None:
             found = with_tolerance(design, score, seed=seed, on_step=on_step)
         else:
-            found = _with_builds(design, score, study, seed=seed, on_step=on_step)
+            found = with_builds(design, score, builds=builds, seed=seed, memo=memo, on_step=on_step)
         found = with_field_steps(design, found, seed=seed, on_step=on_step)
         found = with_trial(design, found, seed=seed, on_step=on_step)
         early = drawn()
@@ -130,14 +138,6 @@ def _without_tolerance(
     if score.bounds is not None:
         write_bound_plots(design, score.bounds, sims)
     return early_drawings(design, score, seed=seed) if with_page else None
-
-
-def _with_builds(
-    design: SensorDesign, score: ContinuityScore, study: Study, *, seed: int, on_step: OnStep
-) -> ContinuityScore:
-    from optopad.sims.score.build_tolerance import with_builds
-
-    return with_builds(design, score, builds=study.builds, seed=seed, memo=study.memo, on_step=on_step)
 
 
 def _write_builds(score: ContinuityScore, sims: Path) -> None:
@@ -184,19 +184,6 @@ def write_fabrication(
     if not firmware_gaps(Circuit.of(design)):  # a board that cannot be programmed has its warning
         write_sketch(firmware_settings(Pad.of(design)), folder / "fabrication" / "firmware")
     return rows
-
-
-def _write_report(
-    design: SensorDesign,
-    folder: Path,
-    score: ContinuityScore,
-    checks: dict[str, Any],
-    seed: int,
-    early: EarlyDrawings | None,
-) -> None:
-    from optopad.report.page import write_report
-
-    write_report(design, folder, score, checks, seed=seed, early=early)
 
 
 def write_pages(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -25,7 +24,8 @@ class Bundle:
     design : the design
     folder : path of the bundle
     checks : results of the mold's checks, as in `cad/checks.json`
-    score_of : function that returns the score; it computes it from stored light where the bundle was up to date
+    fine, seed : settings of the score
+    found : the score; None where the verdict was up to date, so that it is computed when it is asked for
     is_current : whether the bundle was up to date, so that nothing was made
     mended : names of files that were changed or removed after an earlier run, and were made again
     """
@@ -33,7 +33,9 @@ class Bundle:
     design: SensorDesign
     folder: Path
     checks: dict[str, Any]
-    score_of: Callable[[], ContinuityScore] = field(compare=False)
+    fine: bool
+    seed: int
+    found: ContinuityScore | None = field(compare=False)
     is_current: bool = False
     mended: tuple[str, ...] = ()
 
@@ -41,8 +43,10 @@ class Bundle:
     def score(self) -> Score:
         """The verdict."""
         from optopad.screen.score import Score
+        from optopad.sims.score.scoring import score
 
-        return Score(design=self.design, found=self.score_of())
+        found = self.found or score(self.design, fine=self.fine, seed=self.seed)
+        return Score(design=self.design, found=found)
 
     @property
     def report(self) -> Path:

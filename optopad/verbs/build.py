@@ -42,8 +42,7 @@ def build(
     require_valid(design)
     room = None if bed is None else bed_of(bed)
     on_step("mold", 0.0)
-    settings = ({} if room is None else {"bed_mm": room}) | ({"slice_parts": True} if slice_parts else {})
-    with bundle(design, out, seed=seed, parts=(mold_part(design, **settings),)) as staging:
+    with bundle(design, out, seed=seed, parts=(mold_part(design, room, slice_parts=slice_parts),)) as staging:
         (staging / "cad").mkdir(exist_ok=True)
         export_parts(design, staging / "cad", bed_mm=room, slice_parts=slice_parts)
         checks = checks_of(staging / "cad")

@@ -25,7 +25,7 @@ from optopad.design.io import save_design, write_text_atomically
 from optopad.design.progress import OnStep, silent
 from optopad.design.rules.check import require_valid
 from optopad.design.spec import SensorDesign
-from optopad.fabrication.bundle import Part, altered_files, bundle, bundle_name, copy_part, is_current
+from optopad.fabrication.bundle import Part, altered_files, bundle, bundle_name, copy_part, current_files
 from optopad.screen.answer import Answer, checks_words, labelled, learner_words, row
 from optopad.screen.bundle import Bundle
 from optopad.screen.output import Told, foretell_score
@@ -117,7 +117,7 @@ def _made(
     """The bundle; `on_start` is called before the verdict is computed."""
     require_valid(design)
     final, mold, answer = out / bundle_name(design), mold_part(design), answer_part(design, seed, fine=fine)
-    kept = [] if force else [part for part in (mold, answer) if is_current(final, part)]
+    kept = [] if force else [part for part in (mold, answer) if current_files(final, part)]
     altered = _altered(final)
     found: ContinuityScore | None = None
     if len(kept) < 2 or "design.toml" in altered:
@@ -137,20 +137,18 @@ def _made(
                 on_step("files", 0.0)
                 write_pages(design, folder, found, seed, early)
                 on_step("files", 1.0)
+    fresh = [part for part in (mold, answer) if part not in kept]
+    made = {"design.toml"}.union(*(current_files(final, part) for part in fresh))
     return Bundle(
         design=design,
         folder=final,
         checks=checks_of(final / "cad"),
-        score_of=lambda: found or _again(design, fine=fine, seed=seed),
+        found=found,
+        fine=fine,
+        seed=seed,
         is_current=len(kept) == 2,
-        mended=tuple(name for name in altered if (final / name).is_file()),
+        mended=tuple(name for name in altered if name in made),
     )
-
-
-def _again(design: SensorDesign, *, fine: bool, seed: int) -> ContinuityScore:
-    from optopad.sims.score.scoring import score
-
-    return score(design, fine=fine, seed=seed)
 
 
 def _altered(folder: Path) -> tuple[str, ...]:

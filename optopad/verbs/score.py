@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
-from optopad.bundle_parts import ANSWER, Study, answer_part, scored, write_pages
+from optopad.bundle_parts import ANSWER, answer_part, scored, write_pages
 from optopad.cli.verb import Asked, verb
 from optopad.design.errors import InputError
 from optopad.design.progress import OnStep
@@ -105,14 +103,11 @@ def _written(
 ) -> tuple[ContinuityScore, Path]:
     """Write verdict, map and the map's signals into the bundle; the score and the bundle's folder."""
     require_valid(design)
-    settings = (
-        {"fine": fine} | ({"full": full} if full else {}) | ({} if builds is None else {"builds": builds})
-    )
-    has_page = (
-        out / bundle_name(design) / "report.html"
-    ).exists()  # a bundle has one verdict: its page is made anew
-    parts = (answer_part(design, seed, has_page=has_page, **settings),)
-    with _study(design, out, builds, seed) as study, bundle(design, out, seed=seed, parts=parts) as folder:
+    name = bundle_name(design)
+    has_page = (out / name / "report.html").exists()  # a bundle has one verdict: its page is made anew
+    part = answer_part(design, seed, fine=fine, full=full, builds=builds, has_page=has_page)
+    memo = None if builds is None else FinishedWork(out, f"{name}.builds", [design.digest, seed])
+    with bundle(design, out, seed=seed, parts=(part,)) as folder:
         score, early = scored(
             design,
             folder,
@@ -121,19 +116,11 @@ def _written(
             seed=seed,
             on_step=on_step,
             with_page=has_page,
-            study=study,
+            builds=builds,
+            memo=memo,
         )
         if has_page:
             write_pages(design, folder, score, seed, early)
-    return score, out / bundle_name(design)
-
-
-@contextmanager
-def _study(design: SensorDesign, out: Path, builds: int | None, seed: int) -> Iterator[Study | None]:
-    """Yield the Monte Carlo over tolerances with its store, removed afterwards; None if `builds` is None."""
-    if builds is None:
-        yield None
-        return
-    memo = FinishedWork(out, f"{bundle_name(design)}.builds", [design.digest, seed])
-    yield Study(builds=builds, memo=memo)
-    memo.forget()
+    if memo is not None:
+        memo.forget()
+    return score, out / name

@@ -40,8 +40,8 @@ STAGES = {
     "round": {"map": 1.15, "bounds": 2.4, "builds": 2.6},
 }
 """Time of a stage, relative to one trace of the map of `optopad score`, by shape: the map with its near presses, the
-bounds, and both ends of all unmeasured parameters with a step of every field [-]. Of facing rows, the
-governing pair alone is judged for these."""
+bounds, and both ends of all unmeasured parameters with a step of every field [-]. Of facing rows, the governing pair
+alone is judged for these."""
 FINE_BOUNDS = 1.3
 """Time of the bounds of a finer map, relative to one trace of it [-]."""
 PAIR_S, TOP_S = 1.6e-3, 3e-4
@@ -95,9 +95,7 @@ def score_sentence(design: SensorDesign, *, fine: bool, full: bool, is_run: bool
 def about(seconds: float) -> str:
     """An expected time as it is shown, for example "about 2 minutes on 2 cores"."""
     cores = os.cpu_count() or 1
-    length = (
-        f"{seconds / 60:.0f} minutes" if seconds >= 90.0 else f"{max(round(seconds, -1), 10):.0f} seconds"
-    )
+    length = f"{seconds / 60:.0f} minutes" if seconds >= 90.0 else f"{max(round(seconds, -1), 10):.0f} s"
     return f"about {length} on {cores} core{'s' if cores > 1 else ''}"
 
 
@@ -106,9 +104,8 @@ def quick_prediction_s(design: SensorDesign) -> float | None:
     try:
         protocol = load_protocol_file(QUICK_PROTOCOL).fitted_to(design)
         knots = knots_mm(design, is_coarse=True, deepest_mm=protocol.deepest_mm)
-        states = _distinct(design, np.unique(np.concatenate(protocol.places_mm(design)), axis=0)) * (
-            len(knots) - 1
-        )
+        places_mm = np.unique(np.concatenate(protocol.places_mm(design)), axis=0)
+        states = _distinct(design, places_mm) * (len(knots) - 1)
     except (DesignError, InputError, ModelScopeError):
         return None
     return (states * _state_s(design, ACCURACIES["draft"]) + PREDICTION_S) / (os.cpu_count() or 1)

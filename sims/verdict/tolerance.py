@@ -272,12 +272,6 @@ def tolerance_band(
     )
 
 
-def tried_values(design: SensorDesign) -> list[tuple[UsedValue, tuple[float, float]]]:
-    """Unmeasured parameters that have a band, each with the low and high end of the band."""
-    used = (one for one in used_values(design) if one.is_open or _band_is_wide(one))
-    return [(one, ends) for one in used if (ends := _ends(one)) is not None]
-
-
 def _row(
     design: SensorDesign, used: UsedValue, as_designed: Brief, judge: Callable[[SensorDesign], Brief]
 ) -> ToleranceRow:
