@@ -14,7 +14,7 @@ from optopad.cli import main
 from optopad.design.errors import OutputError
 from optopad.design.io import load_design
 from optopad.design.preset import preset
-from optopad.fabrication.bundle import altered_files, bundle_name
+from optopad.fabrication.bundle import altered_files, bundle_name, current_files
 from optopad.fabrication.driver_file import load_driver_config
 from optopad.verbs.run import run
 from tests.sims.made_up_scores import contiguous_score
@@ -139,6 +139,28 @@ def test_files_that_were_edited_or_removed_are_made_again_and_said(quick, tmp_pa
     mended = again(quick, tmp_path / "out").mended
     assert sorted(mended) == ["fabrication/casting.md", "sims/answer.json"]
     assert digests_in(made.folder) == digests_in(quick)
+
+
+def test_a_file_that_a_run_does_not_make_is_not_said_to_be_made_again(quick, tmp_path):
+    made = again(quick, tmp_path / "out")
+    manifest = json.loads((made.folder / "manifest.json").read_text(encoding="utf-8"))
+    manifest["files"]["sims/prediction.json"] = {"sha256": "0" * 64, "bytes": 2, "run": 0}
+    (made.folder / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
+    (made.folder / "sims" / "prediction.json").write_text("{}", encoding="utf-8")
+    (made.folder / "report.html").unlink()
+    assert again(quick, tmp_path / "out").mended == ("report.html",)
+
+
+def test_a_manifest_that_names_files_elsewhere_gives_none(quick, tmp_path):
+    folder = again(quick, tmp_path / "out").folder
+    part, secret = answer_part(DESIGN, 0), tmp_path / "secret"
+    secret.write_text("not of the bundle", encoding="utf-8")
+    manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
+    manifest["inputs"][part.digest]["files"].append("../../secret")
+    record = {"sha256": hashlib.sha256(secret.read_bytes()).hexdigest(), "run": 0, "made_from": part.digest}
+    manifest["files"]["../../secret"] = record
+    (folder / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
+    assert current_files(folder, part) == []
 
 
 @pytest.mark.slow
