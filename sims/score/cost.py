@@ -57,6 +57,9 @@ LIVE_S = 27.0
 """Time to solve one depth of a press that the library does not have [s]: a flat punch of 2.5 mm in 6 mm."""
 REST_S, RUN_S, PREDICTION_S = 16.0, 24.0, 8.0
 """Time without light of a score, the addition of a run, and the time without light of a quick prediction [s]."""
+DRAFT = 0.65
+"""Time of a state of a quick prediction, relative to `_state_s` [-]: measured 0.55 on `gripper-teensy` and 0.67 on
+`fingertip-dome`."""
 WORTH_SAYING_S = 20.0
 """No estimate is shown if it is less than this [s]."""
 
@@ -108,7 +111,7 @@ def quick_prediction_s(design: SensorDesign) -> float | None:
         states = _distinct(design, places_mm) * (len(knots) - 1)
     except (DesignError, InputError, ModelScopeError):
         return None
-    return (states * _state_s(design, ACCURACIES["draft"]) + PREDICTION_S) / (os.cpu_count() or 1)
+    return (DRAFT * states * _state_s(design, ACCURACIES["draft"]) + PREDICTION_S) / (os.cpu_count() or 1)
 
 
 def _map_s(design: SensorDesign, row: Settings) -> float:
