@@ -15,12 +15,13 @@ from optopad.fabrication.driver.link.protocol import (
     FrameFormat,
     Hello,
     Kind,
+    Message,
+    Scanner,
     frame_format,
     message_lengths,
     pack_command,
     unpack_hello,
 )
-from optopad.fabrication.driver.link.scanner import Message, Scanner
 from optopad.fabrication.driver_file import DriverConfig
 
 ASK_EVERY_S = 0.25

@@ -13,8 +13,7 @@ import time
 
 from optopad.design.errors import DeviceError
 from optopad.fabrication.driver.link.ports import Port
-from optopad.fabrication.driver.link.protocol import HELLO_BYTES, VERSION, Kind
-from optopad.fabrication.driver.link.scanner import Scanner
+from optopad.fabrication.driver.link.protocol import HELLO_BYTES, VERSION, Kind, Scanner
 
 BAUDS = 115200, 250000
 """Baud rates that nearly all printers use."""

@@ -24,6 +24,7 @@ from optopad.fabrication.driver.link.protocol import (
     VERSION,
     Command,
     Hello,
+    Scanner,
     SelfTest,
     frame_format,
     pack_frames,
@@ -31,7 +32,6 @@ from optopad.fabrication.driver.link.protocol import (
     pack_self_test,
     unpack_command,
 )
-from optopad.fabrication.driver.link.scanner import Scanner
 from optopad.fabrication.driver.simulated.faults import Faults, faults_of
 from optopad.fabrication.driver.simulated.finger import NO_FINGER, Finger
 from optopad.fabrication.driver.simulated.press_table import PressTable
