@@ -40,7 +40,7 @@ from optopad.design.spec import SensorDesign
 from optopad.design.spec.properties import elastomer_of, entries_of
 from optopad.fabrication.gain import SimulatedGain, feedbacks_for
 from optopad.fabrication.sheets.silicone import MM3_PER_CM3, pours, silicone_g
-from optopad.fabrication.sheets.table import csv_text, number
+from optopad.fabrication.sheets.template import csv_text, number
 
 COLUMNS = (
     "item",

@@ -23,7 +23,7 @@ from optopad.design.spec.fits import clearance_mm, fit_name
 from optopad.fabrication.connections import polarity_of
 from optopad.fabrication.sheets import svg
 from optopad.fabrication.sheets.svg import Element, Point
-from optopad.fabrication.sheets.table import number
+from optopad.fabrication.sheets.template import number
 from optopad.fabrication.sheets.wiring_svg import EMITTER_COLOUR, RECEIVER_COLOUR
 
 SCALE = 16.0

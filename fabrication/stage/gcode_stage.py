@@ -23,8 +23,7 @@ from typing import TYPE_CHECKING
 
 from optopad.design.errors import DeviceError, InputError
 from optopad.fabrication.driver.link.ports import Port, PortLostError, on_standard_error
-from optopad.fabrication.stage.stage import Position, StageLimits
-from optopad.fabrication.stage.tip_path import NOWHERE, Knot, leg
+from optopad.fabrication.stage.stage import NOWHERE, Knot, Position, StageLimits, leg
 
 if TYPE_CHECKING:
     from typing_extensions import Self  # in typing from Python 3.11

@@ -38,10 +38,10 @@ from optopad.fabrication.driver.check import check_frames
 from optopad.fabrication.driver.descriptor import Descriptor, descriptor_of
 from optopad.fabrication.driver.link.frames import US_PER_S, Frame, normalised
 from optopad.fabrication.driver.link.link import require_digest
-from optopad.fabrication.driver.pattern import Problem
 from optopad.fabrication.driver.sensor import Sensor
 from optopad.fabrication.driver.stream import LinkCounts
 from optopad.fabrication.driver.touch_reader import Touch, TouchReader
+from optopad.fabrication.driver.wiring_check import Problem
 from optopad.sensor import fitting_model, source_of
 from optopad.work import started
 

@@ -18,16 +18,16 @@ import numpy as np
 
 from optopad.design.arrays import FloatArray
 from optopad.design.errors import InputError
-from optopad.fabrication.driver.recording.clock_match import (
+from optopad.fabrication.driver.recording.force_log import ForceLog
+from optopad.fabrication.driver.recording.joined_log import (
     OUT_OF_STEP_S,
     WINDOW_S,
     ClockMatch,
+    Offset,
     Touches,
     found_offset,
     match_at,
 )
-from optopad.fabrication.driver.recording.force_log import ForceLog
-from optopad.fabrication.driver.recording.joined_log import Offset
 from optopad.sims.learning.press_force import TipPath
 
 TOUCHED_SHARE, TOUCHED_SIGMAS = 0.02, 8.0

@@ -12,8 +12,7 @@ from optopad.cli.options import checked_out, file_name
 from optopad.cli.verb import typed, verb
 from optopad.design.errors import InputError
 from optopad.design.io import write_text_atomically
-from optopad.fabrication.driver.simulated.board import FakeBoard
-from optopad.fabrication.driver.simulated.faults import faults_of
+from optopad.fabrication.driver.simulated.board import FakeBoard, faults_of
 from optopad.fabrication.driver.simulated.finger import NO_FINGER, Finger, FingerPath, demo_path, read_path
 from optopad.fabrication.driver.simulated.port import FakePort, Wire, new_wire, require_free
 from optopad.fabrication.driver.simulated.press_table import PressTable

@@ -17,7 +17,7 @@ from optopad.design.preset import FLAT_PRESETS, SHAPED_PRESETS, preset
 from optopad.design.rules.check import check
 from optopad.design.shape.cavity import CavityGeometry, cavity_of, workspace_of
 from optopad.design.spec import SensorDesign
-from optopad.fabrication.driver.pattern import Problem
+from optopad.fabrication.driver.wiring_check import Problem
 from optopad.sims.readings.readout import Readout
 from optopad.sims.score.objective import PlaceCurves
 from optopad.sims.score.result import JudgedPair
