@@ -10,7 +10,7 @@ from optopad.design.arrays import FloatArray
 from optopad.design.fields.quantity import Quantity
 from optopad.design.press_protocol import LoadProtocol
 from optopad.design.spec import SensorDesign
-from optopad.screen.shown import Result
+from optopad.screen.answer import Result
 from optopad.sims.contact.force_curve import ForceCurve
 from optopad.sims.contact.load_protocol import LoadHistory
 from optopad.sims.contact.pressure import ContactPressure

@@ -23,9 +23,9 @@ from optopad.studio.actions import Ghost, Task
 from optopad.studio.drawings import QUANTITIES, curves_svg, map_svg, quantity, readings_svg
 from optopad.studio.editable_fields import EditableField, editable_fields_of
 from optopad.studio.live import LiveSensor, LiveView
-from optopad.studio.live_results import Curves, Failed, LiveVerdict, Look, Progress, Readings, Result
 from optopad.studio.sentences import bad_parts, curves_title, pins_html, said_html, sensor_html, verdict_html
 from optopad.studio.session import Session
+from optopad.studio.workshop import Curves, Failed, LiveVerdict, Look, Progress, Readings, Result
 
 PICTURE_S = 20.0
 LEAST_PX = (800, 600)

@@ -8,8 +8,7 @@ from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
 
-from optopad.cli.options import checked_out, file_name
-from optopad.cli.verb import typed, verb
+from optopad.cli.verb import checked_out, file_name, typed, verb
 from optopad.design.errors import InputError
 from optopad.design.io import write_text_atomically
 from optopad.fabrication.driver.simulated.board import FakeBoard, faults_of
