@@ -32,7 +32,7 @@ from optopad.fabrication.driver.link.protocol import frame_format
 from optopad.fabrication.driver.recording.raw import Record, RecordKind, Sink, press_of, write_all
 from optopad.fabrication.driver.recording.recorded import LOSSES_NAME, Recorded, losses_metadata
 from optopad.fabrication.driver_file import DriverConfig, plain_of
-from optopad.fabrication.ros2.messages import PACKAGE, definition
+from optopad.fabrication.ros2 import PACKAGE, definition
 
 MCAP_SUFFIX = ".mcap"
 CHUNK_BYTES = 16384

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from optopad.cli.verb import require_folder, typed, verb
-from optopad.fabrication.ros2.workspace import write_packages
+from optopad.fabrication.ros2 import write_packages
 from optopad.screen.output import Told
 
 
