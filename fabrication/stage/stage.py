@@ -34,8 +34,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -210,9 +209,7 @@ class Stage(Protocol):
 
     def __enter__(self) -> Self: ...
 
-    def __exit__(
-        self, kind: type[BaseException] | None, err: BaseException | None, trace: TracebackType | None
-    ) -> None: ...
+    def __exit__(self, kind: Any, err: Any, trace: Any, /) -> None: ...
 
     def move_to(self, x_mm: float, y_mm: float, depth_mm: float) -> Position:
         """Move to a position, stop, and return the position that the stage reports [mm].
