@@ -193,13 +193,10 @@ def changes_of(designs: Sequence[SensorDesign]) -> dict[str, tuple[object, ...]]
     documents = [dict(leaves(design.model_dump(mode="json"))) for design in designs]
     known = dict.fromkeys(path for document in documents for path in document)
     ordered = sorted(known, key=lambda path: path in NAMES)
-    changes = {path: tuple(_given(document.get(path)) for document in documents) for path in ordered}
+    changes = {  # an empty field equals a missing one
+        path: tuple(ABSENT if one.get(path) is None else one[path] for one in documents) for path in ordered
+    }
     return {path: values for path, values in changes.items() if any(one != values[0] for one in values)}
-
-
-def _given(value: object) -> object:
-    """The value of a field, or `ABSENT` for None, so that an empty field equals a missing one in a comparison."""
-    return ABSENT if value is None else value
 
 
 def measures_of(figures: Sequence[PadFigures], again: Sequence[PadFigures]) -> tuple[Measure, ...]:

@@ -22,6 +22,8 @@ from optopad.screen.output import print_json, progress, say
 from optopad.sensor import driver_source, press_table
 from optopad.work import OUT
 
+NO_PRESS = "no press of this design was simulated; name the design, or run `score`"
+
 
 @verb(
     path=typed("CSV"),
@@ -114,7 +116,7 @@ def _printer(
         reason = (
             "the tip is the finger; --path, --still and --out contradict that"
             if table.knows_presses
-            else "no press of this design was simulated; name the design, or run `score`"
+            else NO_PRESS
         )
         raise InputError(f"--stage-link: {reason}")
     area = said.workspace
@@ -124,23 +126,13 @@ def _printer(
 def _path(
     said: DriverConfig, table: PressTable, path: Path | None, still: bool, out: Path | None
 ) -> FingerPath:
-    finger = _finger(said, table, path, still)
+    is_still = still or not table.knows_presses
+    if path is not None and is_still:
+        raise InputError(f"--path: {'--still was given' if still else NO_PRESS}")
+    finger = read_path(path) if path is not None else NO_FINGER if is_still else demo_path(said.workspace)
     if out is not None:
         write_text_atomically(out, finger.csv_text())
     return finger
-
-
-def _finger(said: DriverConfig, table: PressTable, path: Path | None, still: bool) -> FingerPath:
-    if path is not None and (still or not table.knows_presses):
-        reason = (
-            "--still was given"
-            if still
-            else "no press of this design was simulated; name the design, or run `score`"
-        )
-        raise InputError(f"--path: {reason}")
-    if path is not None:
-        return read_path(path)
-    return NO_FINGER if still or not table.knows_presses else demo_path(said.workspace)
 
 
 def _serve(board: FakeBoard, wire: Wire, seconds: float | None) -> None:
