@@ -27,7 +27,7 @@ from optopad.sims.bounds.fisher import Steps, bounds_of, sensitivity
 from optopad.sims.bounds.observability import own_readout
 from optopad.sims.score.build_tolerance import governing_judge
 from optopad.sims.score.result import ContinuityScore
-from optopad.sims.verdict.builds import ACCURACY, BuildJudge, accuracy_of_builds
+from optopad.sims.verdict.builds import BuildJudge, accuracy_of_builds
 from optopad.sims.verdict.tolerance import Effect, FieldStep, FieldSteps
 
 STEPS = {**dict.fromkeys(HEIGHTS, 0.1), CLEAR: 0.5, TARGET: 25.0}
@@ -119,8 +119,7 @@ def _bounds_mm(
     For facing rows the bound on location is None, and the bound on depth takes the location as known.
     """
     settings = accuracy_of_builds(build)
-    # the untouched pad of a disc or crown costs most, and is already traced with these settings
-    readout = own_readout(build, seed=seed, accuracy="standard" if settings == ACCURACY else settings)
+    readout = own_readout(build, seed=seed, accuracy=settings)  # traced with these settings already
     voxel = np.array([[*place_mm, 0.5 * build.operating.max_depth_mm]])
     found = bounds_of(sensitivity(build, voxel, readout, accuracy=settings, seed=seed, steps=Steps()))
     told = (np.inf, found.depth_alone_mm[0]) if is_facing else (found.location_mm[0], found.depth_mm[0])
