@@ -78,14 +78,10 @@ def detection_threshold(
     flux, standard_error : (ny, nx, nd, pair) received over emitted power, and its standard error [-]. The first depth
         is the untouched pad. Values outside the workspace are NaN
     x_mm, y_mm, depth_mm : (nx,), (ny,) and (nd,) coordinates of the grid [mm]
-    readout : gains of the receivers
+    readout : gains of the receivers, and the noise of a reading
     threshold : change of a reading that counts as detected [noise units]
     """
-    noise = {
-        "read_noise_counts": design.value_noise_counts,
-        "relative_noise": design.noise.relative_noise,
-    }
-    gains = readout.of_all_pairs(flux.shape[-1])
+    noise, gains = readout.noise, readout.of_all_pairs(flux.shape[-1])
     counts = np.minimum(flux * gains, readout.full_scale_counts)
     units = noise_units(counts, **noise)
     error = standard_error * gains / sigma_counts(counts, **noise)

@@ -209,7 +209,7 @@ def sensitivity(
     return Sensitivity(
         first=stencil_derivatives(first, offsets),
         second=stencil_derivatives(second, offsets),
-        weight=_weights(design, np.concatenate([first, second], axis=1), errors, trusted, readout),
+        weight=_weights(np.concatenate([first, second], axis=1), errors, trusted, readout),
     )
 
 
@@ -244,15 +244,13 @@ def _share_of_half(on_step: OnShare | None, half: int) -> Callable[[int, int], N
     return None if on_step is None else lambda done, total: on_step(0.5 * (half + done / total))
 
 
-def _weights(
-    design: SensorDesign, readings: FloatArray, errors: FloatArray, trusted: float, readout: Readout
-) -> FloatArray:
+def _weights(readings: FloatArray, errors: FloatArray, trusted: float, readout: Readout) -> FloatArray:
     """(voxel, pair) one over the variance of a reading in one frame, or of its trace error if larger [1/counts²].
 
     A trace error counts as far as it exceeds `trusted` noise units, at the press where it is largest. The weight is 0
     where the pair reaches full scale.
     """
-    sigma = sigma_counts(readings.mean(axis=1), design.value_noise_counts, design.noise.relative_noise)
+    sigma = sigma_counts(readings.mean(axis=1), **readout.noise)
     is_clipped = readings.max(axis=1) >= readout.full_scale_counts
     return np.where(is_clipped, 0.0, np.maximum(sigma, errors.max(axis=1) / trusted) ** -2.0)
 

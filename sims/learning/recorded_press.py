@@ -193,7 +193,7 @@ def _simulated(
     for pair in pairs:
         curves = curves_of(light, pair, place_mm, slice(1, None), depth_mm)
         name = pair_name(cavity, pair)
-        found.append(JudgedPair(name=name, curves=curves, score=score_curves(design, curves, readout)))
+        found.append(JudgedPair(name=name, curves=curves, score=score_curves(curves, readout)))
     return tuple(found)
 
 

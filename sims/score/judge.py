@@ -282,7 +282,7 @@ def settled_open(
             )
             frames.put(half, doubtful, again, finer)
         frames.errors[np.ix_(np.array(doubtful), np.flatnonzero(again))] = 0.0
-        pad_map = pad_map.with_places({number: frames.place(design, number) for number in doubtful})
+        pad_map = pad_map.with_places({number: frames.place(number) for number in doubtful})
     return pad_map
 
 
@@ -304,7 +304,7 @@ def settled_close(
     depth_mm = depth_schedule_mm(design.operating.max_depth_mm, COARSE_STEP_MM)
     light = pad_light(design, places_mm, depth_mm, accuracy=doubts[0], seed=seed, on_step=on_step)
     finer = MapFrames.traced_once(frames.mask, depth_mm, places_mm, light, frames.readout)
-    return pad_map.with_places({number: finer.place(design, k) for k, number in enumerate(close)})
+    return pad_map.with_places({number: finer.place(k) for k, number in enumerate(close)})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -362,16 +362,11 @@ class MapFrames:
         rows = np.ix_(np.array(places), np.flatnonzero(depths))
         self.counts[half][rows] = counts.reshape(len(places), int(depths.sum()), -1)
 
-    def place(self, design: SensorDesign, number: int) -> Place:
+    def place(self, number: int) -> Place:
         """Judge the location with this number from all its readings."""
         x_mm, y_mm = self.places_mm[number].tolist()
         return place_of(
-            design,
-            (x_mm, y_mm),
-            self.depth_mm,
-            self.counts[:, number],
-            self.errors[number],
-            self.readout.full_scale_counts,
+            (x_mm, y_mm), self.depth_mm, self.counts[:, number], self.errors[number], self.readout
         )
 
 
@@ -465,7 +460,7 @@ class Judge:
             JudgedPair(
                 name=name_of(self.cavity, one.pair),
                 curves=one,
-                score=score_curves(self.design, one, self.readout),
+                score=score_curves(one, self.readout),
             )
             for one in curves
         )
@@ -486,7 +481,7 @@ class Judge:
         frames = MapFrames.traced_once(
             direct_path_pairs(self.cavity), depth_mm, places_mm, light, self.readout
         )
-        places = tuple(frames.place(self.design, number) for number in range(len(places_mm)))
+        places = tuple(frames.place(number) for number in range(len(places_mm)))
         pad_map = PadMap(x_mm=tuple(x_mm.tolist()), y_mm=tuple(y_mm.tolist()), places=places[: len(grid_mm)])
         own = _first_states(light, len(grid_mm) * len(depth_mm)) if further else light
         return self._settled(pad_map, frames), own, places[len(grid_mm) :]
@@ -624,7 +619,7 @@ class Judge:
         """Least margin of any facing pair, or any location [noise units]; a margin below 3 means a deadband."""
         if not self.is_facing:
             return min(place.margin for place in self.places)
-        return min(pair_margin(self.design, self.readout, pair.curves, pair.score)[0] for pair in self.pairs)
+        return min(pair_margin(self.readout, pair.curves, pair.score)[0] for pair in self.pairs)
 
     @cached_property
     def is_open(self) -> bool:
@@ -667,14 +662,7 @@ class Judge:
         for pair, second in zip(doubtful, again, strict=True):
             gain = self.readout.of_receiver(second.pair[1])
             halves = np.stack([pair.curves.total, second.total])[..., np.newaxis] * gain
-            place = place_of(
-                self.design,
-                second.press_mm,
-                second.depth_mm,
-                halves,
-                np.zeros_like(halves[0]),
-                self.readout.full_scale_counts,
-            )
+            place = place_of(second.press_mm, second.depth_mm, halves, np.zeros_like(halves[0]), self.readout)
             if place.depths.is_open or place.deadbands_mm:
                 return True
         return False

@@ -133,7 +133,7 @@ def curves_under(
             JudgedPair(
                 name=pair_name(judge.cavity, one.pair),
                 curves=one,
-                score=score_curves(design, one, judge.readout),
+                score=score_curves(one, judge.readout),
             )
             for one in curves
         ),
@@ -288,7 +288,7 @@ class _Search:
         Usable depth and margin are the least over the pairs.
         """
         design, score = self.stages.design, governing_pair(judged, True).score
-        margins = [pair_margin(design, self.stages.readout, pair.curves, pair.score) for pair in judged]
+        margins = [pair_margin(self.stages.readout, pair.curves, pair.score) for pair in judged]
         self.may_be = min(margin + error for margin, error in margins) >= DEADBAND_THRESHOLD
         self.figures |= {
             "evenness": score.evenness,

@@ -187,9 +187,7 @@ def _scored(judge: Judge, base: ContinuityScore, *, verdict_only: bool) -> Conti
 def _with_errors(judge: Judge) -> tuple[tuple[JudgedPair, ...], FloatArray]:
     """All pairs with loads and errors, and random samples of their figures within the error of the light trace."""
     design, pairs = judge.design, judge.pairs
-    drawn = drawn_figures(
-        design, [pair.curves for pair in pairs], [pair.score for pair in pairs], judge.readout
-    )
+    drawn = drawn_figures([pair.curves for pair in pairs], [pair.score for pair in pairs], judge.readout)
     judged = []
     for pair, draws in zip(pairs, drawn, strict=True):
         force, is_at_place = place_force(design, pair.curves.press_mm)

@@ -58,7 +58,6 @@ from optopad.sims.verdict.depth_curve import (
     DEADBAND_THRESHOLD,
     between,
     clipped,
-    noise_of,
     noise_units,
     samples_between,
     sigma_counts,
@@ -110,7 +109,7 @@ def accuracy_of_builds(design: SensorDesign) -> Accuracy:
     return ACCURACY if plan_of(design).is_block else FORMED_ACCURACY
 
 
-def score_curves(design: SensorDesign, curves: PairCurves, readout: Readout) -> PairScore:
+def score_curves(curves: PairCurves, readout: Readout) -> PairScore:
     """Score of one pair from its light, with its receiver's gain; a clipped reading has no numerical error."""
     gain = readout.of_receiver(curves.pair[1])
     is_clipped = curves.total * gain >= readout.full_scale_counts
@@ -122,7 +121,7 @@ def score_curves(design: SensorDesign, curves: PairCurves, readout: Readout) -> 
         gain_counts_per_flux=gain,
         full_scale_counts=readout.full_scale_counts,
         standard_error=np.where(is_clipped, 0.0, curves.standard_error),
-        **noise_of(design),
+        **readout.noise,
     )
 
 
@@ -136,11 +135,9 @@ def facing_brief(design: SensorDesign, *, seed: int) -> Brief:
     for curves in traced:
         untouched[curves.pair] = curves.total[0]
     readout = readout_of(design, untouched, mask_of(pairs, cavity))
-    scores = [score_curves(design, curves, readout) for curves in traced]
+    scores = [score_curves(curves, readout) for curves in traced]
     worst_mm = max(score.deadband_total_mm for score in scores)
-    found = [
-        pair_margin(design, readout, curves, score) for curves, score in zip(traced, scores, strict=True)
-    ]
+    found = [pair_margin(readout, curves, score) for curves, score in zip(traced, scores, strict=True)]
     return Brief(
         gap_mm=scores[0].modes.gap_mm,
         deadband_mm=worst_mm,
@@ -150,17 +147,13 @@ def facing_brief(design: SensorDesign, *, seed: int) -> Brief:
     )
 
 
-def pair_margin(
-    design: SensorDesign, readout: Readout, curves: PairCurves, score: PairScore
-) -> tuple[float, float]:
+def pair_margin(readout: Readout, curves: PairCurves, score: PairScore) -> tuple[float, float]:
     """Margin of a pair, and the numerical error over its judged depth [noise units]."""
     depth_mm = curves.depth_mm
     judged = depth_mm <= score.end_mm
-    gain, full_scale = readout.of_receiver(curves.pair[1]), readout.full_scale_counts
-    error = _trace_error(
-        design, full_scale, gain * curves.total[judged], gain * curves.standard_error[judged]
-    )
-    return _margin(design, depth_mm, full_scale, gain * curves.total[:, None], score.end_mm), error
+    gain = readout.of_receiver(curves.pair[1])
+    error = _trace_error(readout, gain * curves.total[judged], gain * curves.standard_error[judged])
+    return _margin(readout, depth_mm, gain * curves.total[:, None], score.end_mm), error
 
 
 def pair_brief(design: SensorDesign, pair: Pair, *, seed: int) -> Brief:
@@ -168,12 +161,12 @@ def pair_brief(design: SensorDesign, pair: Pair, *, seed: int) -> Brief:
     place_mm = chord_midpoint_mm(cavity_of(design), pair)
     depth_mm, light, readout = _pressed(design, place_mm, (pair,), seed)
     curves = curves_of(light, pair, place_mm, slice(1, None), depth_mm)
-    score = score_curves(design, curves, readout)
+    score = score_curves(curves, readout)
     counts = curves.total[:, None] * readout.of_receiver(pair[1])
     return Brief(
         gap_mm=score.modes.gap_mm,
         deadband_mm=score.deadband_total_mm,
-        margin=_margin(design, depth_mm, readout.full_scale_counts, counts, score.end_mm),
+        margin=_margin(readout, depth_mm, counts, score.end_mm),
         usable_mm=_usable_mm(design, score),
     )
 
@@ -189,10 +182,8 @@ def place_brief(
     """Short verdict at one location by several pairs; depths whose margin is near the threshold are traced twice."""
     depth_mm, light, readout = _pressed(design, place_mm, pairs, seed)
     counts = np.stack([_counts(light, pairs, readout, first=1)] * 2)
-    full_scale, once = readout.full_scale_counts, np.zeros_like(counts[0])
-    nearly = place_of(
-        design, place_mm, depth_mm, counts, once, full_scale, threshold=NEARLY_DEAD
-    ).depths.blind
+    once = np.zeros_like(counts[0])
+    nearly = place_of(place_mm, depth_mm, counts, once, readout, threshold=NEARLY_DEAD).depths.blind
     again = np.zeros(len(depth_mm), dtype=np.bool_)
     for interval in (*nearly.deadbands_mm, (nearly.usable_mm, float(depth_mm[-1]))):
         if interval[1] > interval[0]:
@@ -200,7 +191,7 @@ def place_brief(
     if again.any():
         second = _light(design, place_mm, depth_mm[again], pairs, seed + SECOND_SEED)
         counts[1, again] = _counts(second, pairs, readout)
-    found = place_of(design, place_mm, depth_mm, counts, once, full_scale).depths
+    found = place_of(place_mm, depth_mm, counts, once, readout).depths
     return Brief(
         gap_mm=None,
         deadband_mm=total_length_mm(found.blind.deadbands_mm),
@@ -217,7 +208,7 @@ def _counts(light: LightSignals, pairs: tuple[Pair, ...], readout: Readout, *, f
 
 
 def responsive_pairs(
-    design: SensorDesign, depth_mm: FloatArray, counts: FloatArray, pairs: tuple[Pair, ...]
+    readout: Readout, depth_mm: FloatArray, counts: FloatArray, pairs: tuple[Pair, ...]
 ) -> tuple[Pair, ...]:
     """The pairs that contribute most of the change of the frames in any part of the depth.
 
@@ -227,7 +218,7 @@ def responsive_pairs(
     counts : (n, pair) readings at one location
     pairs : (emitter, receiver) of each column of `counts`
     """
-    units = noise_units(counts, **noise_of(design))
+    units = noise_units(counts, **readout.noise)
     chosen: dict[Pair, None] = {}
     for start in np.arange(0.0, depth_mm[-1] - 1e-9, RESPONSE_WINDOW_MM):
         end = min(start + RESPONSE_WINDOW_MM, float(depth_mm[-1]))
@@ -266,21 +257,17 @@ def _light(
     return trace(design, states, accuracy=accuracy_of_builds(design), seed=seed, pairs=masks)
 
 
-def _margin(
-    design: SensorDesign, depth_mm: FloatArray, full_scale: float, counts: FloatArray, end_mm: float
-) -> float:
-    knots_mm, readings = clipped(depth_mm, counts, full_scale)
-    part_mm, units = between(knots_mm, noise_units(readings, **noise_of(design)), 0.0, end_mm)
+def _margin(readout: Readout, depth_mm: FloatArray, counts: FloatArray, end_mm: float) -> float:
+    knots_mm, readings = clipped(depth_mm, counts, readout.full_scale_counts)
+    part_mm, units = between(knots_mm, noise_units(readings, **readout.noise), 0.0, end_mm)
     return smallest_range(part_mm, units, min(DEADBAND_MIN_LENGTH_MM, end_mm))
 
 
-def _trace_error(
-    design: SensorDesign, full_scale: float, counts: FloatArray, standard_error: FloatArray
-) -> float:
+def _trace_error(readout: Readout, counts: FloatArray, standard_error: FloatArray) -> float:
     """Numerical error of the light: its root mean square over depths and pairs [noise units]."""
-    readings = np.minimum(counts, full_scale)
-    errors = np.where(readings < full_scale, standard_error, 0.0)
-    return float(np.sqrt(np.mean((errors / sigma_counts(readings, **noise_of(design))) ** 2)))
+    readings = np.minimum(counts, readout.full_scale_counts)
+    errors = np.where(readings < readout.full_scale_counts, standard_error, 0.0)
+    return float(np.sqrt(np.mean((errors / sigma_counts(readings, **readout.noise)) ** 2)))
 
 
 CONFIDENCE = 0.95
@@ -335,7 +322,7 @@ def _answering_pairs(
     here = (light.presses[:, 0] == place_mm[0]) & (light.presses[:, 1] == place_mm[1])
     unlimited = np.stack([light.flux[here, i, j] for i, j in pairs], axis=1) * readout.of_pairs(pairs)
     counts = np.minimum(unlimited, readout.full_scale_counts)
-    return responsive_pairs(design, light.presses[here, 2], counts, pairs)
+    return responsive_pairs(readout, light.presses[here, 2], counts, pairs)
 
 
 class Memo(Protocol):

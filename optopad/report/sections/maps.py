@@ -30,7 +30,7 @@ def map_scene(design: SensorDesign, score: ContinuityScore) -> MapScene | None:
     if pad_map is None or not score.pairs:
         return None
     depth_mm = score.pairs[0].curves.depth_mm
-    profile = pad_profile(design, pad_map, score.pad_signals, score.readout, depth_mm)
+    profile = pad_profile(cavity_of(design), pad_map, score.pad_signals, score.readout, depth_mm)
     return MapScene(
         cavity=cavity_of(design),
         tip_mm=design.indenter.tip_radius_mm,

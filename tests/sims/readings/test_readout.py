@@ -60,7 +60,13 @@ def test_a_dark_receiver_has_no_gain_of_its_own() -> None:
 
 
 def test_every_way_to_pick_pairs_gives_the_receiver_s_gain() -> None:
-    readout = Readout(counts_per_flux=2.0, full_scale_counts=1023.0, by_receiver=(1.0, 2.0, 3.0))
+    readout = Readout(
+        counts_per_flux=2.0,
+        full_scale_counts=1023.0,
+        read_noise_counts=0.5,
+        relative_noise=0.003,
+        by_receiver=(1.0, 2.0, 3.0),
+    )
     mask = np.array([[True, False, True], [False, True, False]])
     pairs = [(int(i), int(j)) for i, j in np.argwhere(mask)]
     assert readout.of_mask(mask).tolist() == readout.of_pairs(pairs).tolist() == [1.0, 3.0, 2.0]
@@ -69,5 +75,7 @@ def test_every_way_to_pick_pairs_gives_the_receiver_s_gain() -> None:
 
 
 def test_a_common_gain_is_the_same_number_for_every_pair() -> None:
-    readout = Readout(counts_per_flux=7.0, full_scale_counts=1023.0)
+    readout = Readout(
+        counts_per_flux=7.0, full_scale_counts=1023.0, read_noise_counts=0.5, relative_noise=0.003
+    )
     assert readout.of_mask(ALL).tolist() == readout.of_all_pairs(9).tolist() == [7.0] * 9

@@ -18,7 +18,7 @@ def scores_of(design, *, seed, step_mm, pairs=None):
     pairs = pairs or judged_pairs(cavity)
     readout = readout_of(design, untouched_flux(design, cavity, seed=seed), mask_of(pairs, cavity))
     depth_mm = depth_schedule_mm(design.operating.max_depth_mm, step_mm)
-    return [score_curves(design, c, readout) for c in pair_curves(design, cavity, pairs, depth_mm, seed=seed)]
+    return [score_curves(c, readout) for c in pair_curves(design, cavity, pairs, depth_mm, seed=seed)]
 
 
 @pytest.mark.slow
