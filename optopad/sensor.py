@@ -157,6 +157,7 @@ def _simulated_table(design: SensorDesign, gain: SimulatedGain, *, seed: int, on
 
     from optopad.design.shape.cavity import cavity_of
     from optopad.sims.contact.indentation import solved_press
+    from optopad.sims.contact.scope import contact_of
     from optopad.sims.optics.tracing import trace
     from optopad.sims.verdict.pad_map import COARSE_PLACES, grid_places_mm, map_grid_mm
     from optopad.sims.verdict.presses import states_of
@@ -165,7 +166,7 @@ def _simulated_table(design: SensorDesign, gain: SimulatedGain, *, seed: int, on
     depths = np.array(sorted({*(depth for depth in TABLE_DEPTHS_MM if depth < deepest), deepest}))
     places = grid_places_mm(cavity.workspace, *map_grid_mm(cavity, COARSE_PLACES))
     states = states_of(places, depths)
-    solved_press(design, max_depth_mm=deepest, on_step=lambda share: on_step("contact", share))
+    solved_press(contact_of(design), max_depth_mm=deepest, on_step=lambda share: on_step("contact", share))
     light = trace(
         design,
         states,

@@ -74,13 +74,14 @@ def foretell_score(
     """
     from optopad.design.rules.check import require_valid
     from optopad.sims.contact.indentation import require_covered
+    from optopad.sims.contact.scope import contact_of
     from optopad.sims.score.cost import score_sentence
 
     require_valid(design)
     if quiet:
         return
     try:
-        require_covered(design)
+        require_covered(contact_of(design))
     except ModelScopeError:
         return  # it ends at once
     if said := score_sentence(design, fine=fine, full=full, is_run=is_run):

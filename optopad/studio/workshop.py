@@ -275,9 +275,10 @@ class Workshop:
 
     def _curves(self, request: Request) -> Curves:
         from optopad.sims.contact.indentation import round_press
+        from optopad.sims.contact.scope import contact_of
         from optopad.sims.score.objective import curves_under
 
-        round_press(request.design, on_step=self._contact_step)  # only if it is solved live
+        round_press(contact_of(request.design), on_step=self._contact_step)  # only if it is solved live
         found = curves_under(request.design, request.press.place_mm, seed=self._seed)
         return Curves(digest=request.design.digest, found=found)
 

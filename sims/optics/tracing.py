@@ -253,10 +253,11 @@ def _tops(
     design: SensorDesign, scene: OpticalScene, presses: FloatArray
 ) -> Iterator[tuple[Indentation, SmoothField | None]]:
     from optopad.sims.contact.pad_surface import pad_surfaces
+    from optopad.sims.contact.scope import contact_of
 
     if len(presses) == 0:
         return
-    for surface in pad_surfaces(design, presses):
+    for surface in pad_surfaces(contact_of(design), presses):
         yield surface.near, None if scene.form is not None else _smooth_part(surface, scene)
 
 

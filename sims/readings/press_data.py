@@ -370,11 +370,11 @@ def knots_mm(design: SensorDesign, *, is_coarse: bool = False, deepest_mm: float
     -------
     (knot,) depths, increasing from 0 [mm]
     """
-    from optopad.sims.contact.scope import depth_limit_mm
+    from optopad.sims.contact.scope import contact_of
 
     scale = design.indenter.tip_radius_mm / KNOTS_TIP_MM
     wanted = design.operating.max_depth_mm if deepest_mm is None else deepest_mm
-    end = max(min(wanted + _spare_mm(design), depth_limit_mm(design)), wanted)
+    end = max(min(wanted + _spare_mm(design), contact_of(design).depth_limit_mm), wanted)
     knots = [one * scale for one in (COARSE_KNOTS_MM if is_coarse else KNOTS_MM)]
     kept = [one for one in knots if one < end - 0.25 * scale * (one > scale)]
     return np.round([*kept, end], 6)

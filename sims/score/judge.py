@@ -55,6 +55,7 @@ from optopad.sims.bounds.fisher import COARSE_DEPTHS_MM, FINE_DEPTHS_MM
 from optopad.sims.bounds.observability import BOUND_ACCURACIES, MANY_PAIRS_BOUNDS, PadBounds, pad_bounds
 from optopad.sims.contact.force_curve import ForceCurve, force_curve
 from optopad.sims.contact.indentation import require_corner, require_covered, solved_press
+from optopad.sims.contact.scope import Contact, contact_of
 from optopad.sims.optics.accuracy import ACCURACIES, Accuracy
 from optopad.sims.optics.light_signals import LightSignals
 from optopad.sims.optics.tracing import trace
@@ -407,6 +408,11 @@ class Judge:
         return cavity_of(self.design)
 
     @cached_property
+    def contact(self) -> Contact:
+        """The tip and the pad, as all presses share them."""
+        return contact_of(self.design)
+
+    @cached_property
     def is_facing(self) -> bool:
         """Whether the verdict is on facing pairs, not on a pad."""
         return is_facing_rows(self.cavity)
@@ -420,9 +426,9 @@ class Judge:
     def force(self) -> ForceCurve:
         """Force of a press at the centre against depth, at the depths of a score."""
         depth_mm = depth_schedule_mm(self.deepest_mm)
-        press = solved_press(self.design, on_step=lambda share: self.tell("contact", share))
-        require_corner(self.design)
-        return force_curve(self.design, press, depth_mm)
+        press = solved_press(self.contact, on_step=lambda share: self.tell("contact", share))
+        require_corner(self.contact)
+        return force_curve(press, depth_mm)
 
     @cached_property
     def deepest_mm(self) -> float:
@@ -432,7 +438,7 @@ class Judge:
         ------
         ModelScopeError : the models give no verdict on the design (`require_covered`).
         """
-        require_covered(self.design)
+        require_covered(self.contact)
         return self.design.operating.max_depth_mm
 
     @cached_property
@@ -575,7 +581,7 @@ class Judge:
             for values in (light.flux, light.error_of_changes)
         )
         return detection_threshold(
-            self.design, flux, error, pad_map.x_mm, pad_map.y_mm, depth_mm, self.readout
+            self.contact, flux, error, pad_map.x_mm, pad_map.y_mm, depth_mm, self.readout
         )
 
     @property

@@ -115,7 +115,7 @@ def curves_under(
     judge = Judge(design, "draft" if is_draft else "score", seed=seed)
     depth_mm = depth_schedule_mm(judge.deepest_mm, judge.settings.step_mm)
     pairs = pairs_under(judge.cavity, place_mm)
-    press = round_press(design, at_mm=place_mm) if is_draft else None
+    press = round_press(judge.contact, at_mm=place_mm) if is_draft else None
     light = trace(
         design,
         states_of(np.array([place_mm]), depth_mm),

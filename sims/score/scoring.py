@@ -32,6 +32,7 @@ from optopad.design.shape.cavity import (
 )
 from optopad.design.spec import SensorDesign
 from optopad.sims.contact.pad_surface import contact_notes
+from optopad.sims.contact.scope import contact_of
 from optopad.sims.readings.readout import Readout
 from optopad.sims.score.build_tolerance import with_tolerance
 from optopad.sims.score.field_steps import with_field_steps
@@ -186,11 +187,11 @@ def _scored(judge: Judge, base: ContinuityScore, *, verdict_only: bool) -> Conti
 
 def _with_errors(judge: Judge) -> tuple[tuple[JudgedPair, ...], FloatArray]:
     """All pairs with loads and errors, and random samples of their figures within the error of the light trace."""
-    design, pairs = judge.design, judge.pairs
+    pairs = judge.pairs
     drawn = drawn_figures([pair.curves for pair in pairs], [pair.score for pair in pairs], judge.readout)
     judged = []
     for pair, draws in zip(pairs, drawn, strict=True):
-        force, is_at_place = place_force(design, pair.curves.press_mm)
+        force, is_at_place = place_force(judge.contact, pair.curves.press_mm)
         judged.append(
             replace(
                 pair,
@@ -260,5 +261,5 @@ def _warnings(
         found += [(FAILS, text) for text in margin_caution(pad_map)]
     if said := noise_caution(judged, fine=fine):
         found.append((FAILS, said))
-    found += [(USUAL, text) for text in contact_notes(design)]
+    found += [(USUAL, text) for text in contact_notes(contact_of(design))]
     return tuple(text for _, text in sorted(found, key=lambda one: -one[0]))

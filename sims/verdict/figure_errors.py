@@ -37,9 +37,9 @@ import numpy as np
 
 from optopad.design.arrays import FloatArray
 from optopad.design.errors import ModelScopeError
-from optopad.design.spec import SensorDesign
 from optopad.sims.contact.force_curve import LoadCurve, load_curve
 from optopad.sims.contact.indentation import solved_press
+from optopad.sims.contact.scope import Contact
 from optopad.sims.press import depth_schedule_mm
 from optopad.sims.readings.readout import Readout
 from optopad.sims.verdict.depth_curve import DEADBAND_THRESHOLD, between, clipped, noise_units
@@ -94,13 +94,13 @@ def boundary_forces(modes: Modes, force: LoadCurve, *, is_at_place: bool = True)
     )
 
 
-def place_force(design: SensorDesign, place_mm: tuple[float, float]) -> tuple[LoadCurve, bool]:
+def place_force(contact: Contact, place_mm: tuple[float, float]) -> tuple[LoadCurve, bool]:
     """Load of a press against depth, and whether it is at the given location (True) or at the pad's centre (False)."""
-    depth_mm = depth_schedule_mm(design.operating.max_depth_mm)
+    depth_mm = depth_schedule_mm(contact.design.operating.max_depth_mm)
     try:
-        return load_curve(design, solved_press(design, at_mm=place_mm), depth_mm), True
+        return load_curve(solved_press(contact, at_mm=place_mm), depth_mm), True
     except ModelScopeError:
-        return load_curve(design, solved_press(design), depth_mm), False
+        return load_curve(solved_press(contact), depth_mm), False
 
 
 Errors = tuple[float | None, float | None]

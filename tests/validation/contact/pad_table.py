@@ -24,7 +24,7 @@ from numba import njit
 
 from optopad.design.arrays import BoolArray, FloatArray
 from optopad.design.shape.cavity import cavity_of, direct_path_pairs
-from optopad.sims.contact.indentation import modulus_mpa
+from optopad.sims.contact.scope import contact_of
 from optopad.sims.optics.accuracy import ACCURACIES, Accuracy
 from optopad.sims.optics.scene.lower import scene_of
 from optopad.sims.optics.scene.optical_scene import SmoothField, smooth_field
@@ -150,7 +150,7 @@ def press_error(place: Place, model: ModelTop, oracle: PadPress, half: PadPress)
     """A modelled press against the oracle's, and the oracle against its coarser mesh."""
     outside = is_outside_contact(place, model.near)
     off_um = 1e3 * (engine_height_mm(place, model.near, model.field) - oracle.height_mm)
-    unit_n = modulus_mpa(place.design) * TIP_RADIUS_MM**2
+    unit_n = contact_of(place.design).modulus.value * TIP_RADIUS_MM**2
     return PressError(
         force_ratio=model.near.force_n / (oracle.force * unit_n),
         surface_um=size_of(off_um[outside]),
