@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from optopad.design.draft import Draft
 from optopad.design.fields.finding import Finding
-from optopad.design.rules.check import check, require_valid
+from optopad.design.rules.check import require_valid
 from optopad.design.spec import SensorDesign
 
 
@@ -31,5 +31,4 @@ class Pad(Draft):
         ------
         DesignError : the design has errors; the message lists all of them.
         """
-        require_valid(design)
-        return cls(design, check(design))
+        return cls(design, require_valid(design))

@@ -325,6 +325,7 @@ class Workshop:
 
     def _readings(self, request: Request) -> Readings:
         """Expected readings: untouched as in `driver check`, and under the press, from each pair's change of light."""
+        from optopad.design.draft import Draft
         from optopad.sensor import simulated_gain
         from optopad.sims.optics.tracing import trace
 
@@ -334,7 +335,7 @@ class Workshop:
             self._untouched = (design.digest, gain.untouched_readings(design))
         untouched = self._untouched[1]
         flux = trace(
-            design,
+            Draft.of(design),
             np.array([[*press.place_mm, 0.0], [*press.place_mm, press.depth_mm]]),
             accuracy="draft",
             seed=self._seed,

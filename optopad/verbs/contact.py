@@ -95,7 +95,7 @@ def view_press(
     press = indent(design, 0.0) if depth_mm == 0.0 else None
     deepest = max(depth_mm, design.operating.max_depth_mm, driven.deepest_mm.value if driven else 0.0)
     solved = solved_press(contact, deepest, on_step=on_step)
-    young, force = contact.modulus, force_curve(solved, depth_schedule_mm(deepest))
+    young, force = contact.draft.modulus, force_curve(solved, depth_schedule_mm(deepest))
     stated, tip = published_load(design), contact.tip
     outline = tip.points(np.linspace(0.0, TIP_LENGTH, TIP_POINTS))
     return PressView(

@@ -12,6 +12,7 @@ import numpy as np
 from optopad.cli.options import parsed_press
 from optopad.cli.verb import typed, verb
 from optopad.design.arrays import FloatArray
+from optopad.design.draft import Draft
 from optopad.design.errors import InputError, ModelScopeError
 from optopad.design.press_protocol import PressProtocol, load_protocol_file
 from optopad.design.progress import OnStep
@@ -132,7 +133,9 @@ def _signals(
     require_presses(design, states)
     deepest_mm = max(design.operating.max_depth_mm, float(states[:, 2].max()))  # the trace needs this depth
     solved_press(contact_of(design), max_depth_mm=deepest_mm, on_step=lambda s: on_step("contact", s))
-    light = trace(design, states, seed=seed, on_step=lambda done, total: on_step("light", done / total))
+    light = trace(
+        Draft.of(design), states, seed=seed, on_step=lambda done, total: on_step("light", done / total)
+    )
     save_dataset(signals_dataset(light, cavity), folder / "presses.nc")
     return {
         "name": design.name,

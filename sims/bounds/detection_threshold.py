@@ -91,7 +91,7 @@ def detection_threshold(
         for shift in (0.0, 1.0, -1.0)
     ]
     forces = _forces_n(contact, x_mm, y_mm, depths)
-    low, high = band_factors(contact.modulus)
+    low, high = band_factors(contact.draft.modulus)
     return DetectionThreshold(
         x_mm=x_mm,
         y_mm=y_mm,

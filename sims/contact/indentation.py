@@ -165,7 +165,7 @@ def round_press(
 
     Parameters and errors are those of `solved_press`. In a flat rectangular pad, the location has no effect.
     """
-    radius, layer, modulus = contact.tip_radius_mm, round(contact.layer, 9), contact.modulus
+    radius, layer, modulus = contact.tip_radius_mm, round(contact.layer, 9), contact.draft.modulus
     deepest = _deepest(contact, max_depth_mm) / radius
     notes: tuple[str, ...] = ()
     unit: UnitPress | None = None

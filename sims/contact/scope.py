@@ -15,7 +15,6 @@ import numpy as np
 from optopad.design.arrays import FloatArray
 from optopad.design.draft import Draft
 from optopad.design.errors import InputError, ModelScopeError
-from optopad.design.fields.quantity import Quantity
 from optopad.design.once import once
 from optopad.design.rules.shape import (
     DEEPEST_PRESS,
@@ -26,7 +25,6 @@ from optopad.design.rules.shape import (
     deepest_of_tip,
 )
 from optopad.design.spec import SensorDesign
-from optopad.design.spec.properties import modulus
 from optopad.sims.contact.tip import TipOutline, tip_of
 
 Place = tuple[float, float]
@@ -86,11 +84,6 @@ class Contact:
     def tip(self) -> TipOutline:
         """Outline of the tip."""
         return tip_of(self.design.indenter)
-
-    @cached_property
-    def modulus(self) -> Quantity:
-        """Young's modulus of the elastomer [MPa]."""
-        return modulus(self.design)
 
     @cached_property
     def layer(self) -> float:
@@ -168,7 +161,7 @@ class Contact:
 @once
 def contact_of(design: SensorDesign) -> Contact:
     """A design's tip and pad, as all its presses share them."""
-    return Contact(Draft(design))
+    return Contact(Draft.of(design))
 
 
 def solved_depths(layer: float, deepest: float) -> FloatArray:

@@ -25,6 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from optopad.design.arrays import FloatArray, IntArray
+from optopad.design.draft import Draft
 from optopad.design.errors import InputError
 from optopad.design.progress import OnStep
 from optopad.design.rules.shape import NEAREST_WALL
@@ -223,7 +224,7 @@ def traced_map(
     )
     tell = on_step or (lambda _stage, _share: None)
     light = trace(
-        design,
+        Draft.of(design),
         np.concatenate([[[x_mm.mean(), y_mm.mean(), 0.0]], presses]),
         accuracy=accuracy,
         seed=seed,
@@ -283,7 +284,7 @@ def measured_error(
     )
     tell = on_step or (lambda _stage, _share: None)
     light = trace(
-        design,
+        Draft.of(design),
         press_mm,
         accuracy=accuracy,
         seed=seed,

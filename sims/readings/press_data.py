@@ -34,6 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optopad.design.arrays import BoolArray, FloatArray, IntArray
+from optopad.design.draft import Draft
 from optopad.design.errors import InputError, ModelScopeError
 from optopad.design.recordings import LOSSES, OFF, ROLES, SetEntry, signals_of
 from optopad.design.spec import SensorDesign
@@ -421,6 +422,6 @@ def traced_curves(
         raise InputError(f"places: shape {places.shape}, needs (location, 2) of finite x, y, one at least")
     knots = knots_mm(design) if depth_mm is None else np.asarray(depth_mm, dtype=np.float64)
     states = np.array([[x, y, depth] for x, y in places for depth in knots])
-    light = trace(design, states, accuracy=accuracy, seed=seed, on_step=on_step)
+    light = trace(Draft.of(design), states, accuracy=accuracy, seed=seed, on_step=on_step)
     flux = light.flux.reshape(len(places), len(knots), *light.flux.shape[1:])
     return PressCurves(places_mm=places, depth_mm=knots, flux=flux)

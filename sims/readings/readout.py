@@ -24,8 +24,8 @@ import numpy as np
 import xarray as xr
 
 from optopad.design.arrays import BoolArray, FloatArray
-from optopad.design.circuit.circuit import Circuit
-from optopad.design.circuit.transimpedance import fitted_counts_per_flux, full_scale_counts
+from optopad.design.circuit.transimpedance import fitted_counts_per_flux
+from optopad.design.draft import Draft
 from optopad.design.errors import ModelScopeError
 from optopad.design.files import whole_file
 from optopad.design.shape.cavity import CavityGeometry
@@ -95,7 +95,7 @@ class Readout:
         return np.minimum(flux * self.gains, self.full_scale_counts)
 
 
-def readout_of(design: SensorDesign, untouched_flux: FloatArray, reference: BoolArray) -> Readout:
+def readout_of(draft: Draft, untouched_flux: FloatArray, reference: BoolArray) -> Readout:
     """The gains of a design by its rule: from the light without contact, or from the mounted resistors.
 
     Parameters
@@ -107,7 +107,8 @@ def readout_of(design: SensorDesign, untouched_flux: FloatArray, reference: Bool
     ------
     ModelScopeError : the reference pairs receive no light, so no gain gives a signal.
     """
-    feedback, full_scale = design.gain.feedback_ohm, full_scale_counts(design)
+    design, full_scale = draft.design, draft.circuit.adc.full_scale_counts
+    feedback = design.gain.feedback_ohm
     each: tuple[float, ...] = ()
     if feedback == "common":
         common = _gain_to_target(design, untouched_flux[reference], "the median judged pair receives")
@@ -115,7 +116,7 @@ def readout_of(design: SensorDesign, untouched_flux: FloatArray, reference: Bool
         each = (
             _each(design, untouched_flux, reference, HEADROOM * full_scale)
             if feedback == "each"
-            else fitted_counts_per_flux(Circuit.of(design))
+            else fitted_counts_per_flux(draft.circuit)
         )
         common = float(np.median(each))
     return Readout(
@@ -142,14 +143,14 @@ def _each(design: SensorDesign, flux: FloatArray, reference: BoolArray, most: fl
     return tuple(found)
 
 
-def most_target_counts(design: SensorDesign, untouched_flux: FloatArray, reference: BoolArray) -> float:
+def most_target_counts(draft: Draft, untouched_flux: FloatArray, reference: BoolArray) -> float:
     """Largest useful `gain.target_counts` [counts].
 
     With one gain for all receivers, the brightest pair clips above it. With a gain for each, all gains have reached the
     limit that keeps their brightest pairs from clipping.
     """
-    full_scale = full_scale_counts(design)
-    if design.gain.feedback_ohm == "common":
+    full_scale = draft.circuit.adc.full_scale_counts
+    if draft.design.gain.feedback_ohm == "common":
         chosen = [untouched_flux[reference]]
     else:
         full_scale *= HEADROOM

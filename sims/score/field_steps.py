@@ -16,6 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from optopad.design.draft import Draft
 from optopad.design.errors import OptopadError
 from optopad.design.fields.base import get_at
 from optopad.design.progress import OnStep
@@ -118,11 +119,12 @@ def _bounds_mm(
 
     For facing rows the bound on location is None, and the bound on depth takes the location as known.
     """
-    settings = accuracy_of_builds(build)
+    draft = Draft.of(build)
+    settings = accuracy_of_builds(draft)
     # the untouched pad of a disc or crown costs most, and is already traced with these settings
-    readout = own_readout(build, seed=seed, accuracy="standard" if settings == ACCURACY else settings)
+    readout = own_readout(draft, seed=seed, accuracy="standard" if settings == ACCURACY else settings)
     voxel = np.array([[*place_mm, 0.5 * build.operating.max_depth_mm]])
-    found = bounds_of(sensitivity(build, voxel, readout, accuracy=settings, seed=seed, steps=Steps()))
+    found = bounds_of(sensitivity(draft, voxel, readout, accuracy=settings, seed=seed, steps=Steps()))
     told = (np.inf, found.depth_alone_mm[0]) if is_facing else (found.location_mm[0], found.depth_mm[0])
     location_mm, depth_mm = (float(value) if np.isfinite(value) else None for value in told)
     return location_mm, depth_mm

@@ -38,11 +38,11 @@ from typing import Literal
 import numpy as np
 
 from optopad.design.arrays import BoolArray, FloatArray
+from optopad.design.draft import Draft
 from optopad.design.progress import OnShare, OnStep
 from optopad.design.shape.cavity import (
     CavityGeometry,
     beside_chord,
-    cavity_of,
     direct_path_pairs,
     is_facing_rows,
     judged_pairs,
@@ -250,7 +250,7 @@ MOST_CLOSE = 3
 
 
 def settled_open(
-    design: SensorDesign,
+    draft: Draft,
     pad_map: PadMap,
     frames: MapFrames,
     doubts: Sequence[Accuracy],
@@ -274,7 +274,7 @@ def settled_open(
             if half == 0 and settings == doubts[0]:
                 continue  # the map itself
             finer = pad_light(
-                design,
+                draft,
                 frames.places_mm[doubtful],
                 frames.depth_mm[again],
                 accuracy=settings,
@@ -288,7 +288,7 @@ def settled_open(
 
 
 def settled_close(
-    design: SensorDesign,
+    draft: Draft,
     pad_map: PadMap,
     frames: MapFrames,
     doubts: Sequence[Accuracy],
@@ -302,8 +302,8 @@ def settled_close(
     if not close:
         return pad_map
     places_mm = np.array([[pad_map.places[number].x_mm, pad_map.places[number].y_mm] for number in close])
-    depth_mm = depth_schedule_mm(design.operating.max_depth_mm, COARSE_STEP_MM)
-    light = pad_light(design, places_mm, depth_mm, accuracy=doubts[0], seed=seed, on_step=on_step)
+    depth_mm = depth_schedule_mm(draft.design.operating.max_depth_mm, COARSE_STEP_MM)
+    light = pad_light(draft, places_mm, depth_mm, accuracy=doubts[0], seed=seed, on_step=on_step)
     finer = MapFrames.traced_once(frames.mask, depth_mm, places_mm, light, frames.readout)
     return pad_map.with_places({number: finer.place(k) for k, number in enumerate(close)})
 
@@ -376,7 +376,7 @@ class Judge:
 
     Parameters
     ----------
-    design : a design that breaks no rule
+    draft : the design; its verdict means something if it breaks no rule
     settings : accuracy settings, or their name in `SETTINGS`
     seed : random seed of the light model
     also_mm : (x, y) of further locations of a pad, such as one known to decide the verdict [mm]; locations outside the
@@ -386,14 +386,14 @@ class Judge:
 
     def __init__(
         self,
-        design: SensorDesign,
+        draft: Draft,
         settings: Settings | str = "score",
         *,
         seed: int = 0,
         also_mm: Sequence[tuple[float, float]] = (),
         on_step: OnStep | None = None,
     ) -> None:
-        self.design, self.seed, self.also_mm = design, seed, also_mm
+        self.draft, self.design, self.seed, self.also_mm = draft, draft.design, seed, also_mm
         row = SETTINGS[settings] if isinstance(settings, str) else settings
         self.settings = row.for_pairs(len(self.names))
         self.tell = on_step or (lambda _stage, _share: None)
@@ -405,7 +405,7 @@ class Judge:
     @cached_property
     def cavity(self) -> CavityGeometry:
         """Geometry of the design."""
-        return cavity_of(self.design)
+        return self.draft.cavity
 
     @cached_property
     def contact(self) -> Contact:
@@ -444,18 +444,17 @@ class Judge:
     @cached_property
     def untouched(self) -> FloatArray:
         """Received divided by emitted power of each pair (emitter, receiver) on the untouched pad [-]."""
-        return untouched_flux(self.design, self.cavity, seed=self.seed, accuracy=self.settings.untouched)
+        return untouched_flux(self.draft, seed=self.seed, accuracy=self.settings.untouched)
 
     @cached_property
     def readout(self) -> Readout:
         """Gains of the receivers, determined on the untouched pad."""
-        return readout_of(self.design, self.untouched, mask_of(self.names, self.cavity))
+        return readout_of(self.draft, self.untouched, mask_of(self.names, self.cavity))
 
     def judged(self, pairs: tuple[Pair, ...]) -> tuple[JudgedPair, ...]:
         """Judge some pairs, each alone under a press on its own chord; loads and errors are not computed."""
         curves = pair_curves(
-            self.design,
-            self.cavity,
+            self.draft,
             pairs,
             depth_schedule_mm(self.deepest_mm, self.settings.step_mm),
             accuracy=self.settings.pairs,
@@ -502,7 +501,7 @@ class Judge:
         if settings.near is not None:
             depth_mm = map_depths_mm(self.deepest_mm, settings.map_step_mm)
             return depth_mm, map_light(
-                self.design,
+                self.draft,
                 places_mm,
                 depth_mm,
                 accuracy=settings.map,
@@ -513,11 +512,11 @@ class Judge:
         depth_mm = depth_schedule_mm(self.deepest_mm, settings.map_step_mm)
         if settings.near_tips is None:
             return depth_mm, pad_light(
-                self.design, places_mm, depth_mm, accuracy=settings.map, seed=self.seed, on_step=on_step
+                self.draft, places_mm, depth_mm, accuracy=settings.map, seed=self.seed, on_step=on_step
             )
         near = _pairs_near(self.cavity, places_mm, settings.near_tips).repeat(len(depth_mm), axis=0)
         light = trace(
-            self.design,
+            self.draft,
             states_of(places_mm, depth_mm),
             accuracy=settings.map,
             seed=self.seed,
@@ -533,7 +532,7 @@ class Judge:
             return pad_map
         settle = settled_open if kind == "open" else settled_close
         return settle(
-            self.design,
+            self.draft,
             pad_map,
             frames,
             self.settings.doubts,
@@ -562,7 +561,7 @@ class Judge:
         settings = self.settings
         limit = settings.bound_depth_share * self.deepest_mm
         return pad_bounds(
-            self.design,
+            self.draft,
             places=settings.bound_places,
             depths_mm=tuple(depth for depth in settings.bound_depths_mm if depth < limit) or (limit,),
             accuracies=settings.bounds,
@@ -657,8 +656,7 @@ class Judge:
         if not doubtful:
             return False
         again = pair_curves(
-            self.design,
-            self.cavity,
+            self.draft,
             tuple(pair.curves.pair for pair in doubtful),
             self.pairs[0].curves.depth_mm,
             accuracy=self.settings.pairs,

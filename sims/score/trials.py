@@ -19,6 +19,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
+from optopad.design.draft import Draft
 from optopad.design.errors import OptopadError
 from optopad.design.fields.base import get_at
 from optopad.design.progress import OnStep
@@ -373,9 +374,10 @@ def _with_more_parts(design: SensorDesign) -> Iterator[tuple[dict[str, float], S
 
 def _whole_pad(design: SensorDesign, seed: int) -> _Whole:
     """Verdict on all locations of a pad, with the coarse light of a trial."""
-    light = accuracy_of_builds(design)
+    draft = Draft.of(design)
+    light = accuracy_of_builds(draft)
     judge = Judge(
-        design,
+        draft,
         replace(SETTINGS["draft"], untouched=light, map=light, near_tips=None, settled="none"),
         seed=seed,
     )

@@ -37,6 +37,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from optopad.design.arrays import BoolArray, FloatArray
+from optopad.design.draft import Draft
 from optopad.design.errors import InputError, OptopadError
 from optopad.design.shape.cavity import (
     cavity_of,
@@ -44,7 +45,6 @@ from optopad.design.shape.cavity import (
     is_facing_rows,
     judged_pairs,
     mask_of,
-    plan_of,
 )
 from optopad.design.spec import SensorDesign
 from optopad.design.spec.tolerances import Tolerance
@@ -104,9 +104,9 @@ class Brief:
     in_doubt: bool = False
 
 
-def accuracy_of_builds(design: SensorDesign) -> Accuracy:
+def accuracy_of_builds(draft: Draft) -> Accuracy:
     """Accuracy setting of the light model for units of a design."""
-    return ACCURACY if plan_of(design).is_block else FORMED_ACCURACY
+    return ACCURACY if draft.plan.is_block else FORMED_ACCURACY
 
 
 def score_curves(curves: PairCurves, readout: Readout) -> PairScore:
@@ -127,14 +127,15 @@ def score_curves(curves: PairCurves, readout: Readout) -> PairScore:
 
 def facing_brief(design: SensorDesign, *, seed: int) -> Brief:
     """Short verdict on facing rows: mode gap of the middle pair, deadband and margin of the worst pair."""
-    cavity = cavity_of(design)
+    draft = Draft.of(design)
+    cavity = draft.cavity
     pairs = judged_pairs(cavity)
     depth_mm = depth_schedule_mm(design.operating.max_depth_mm, COARSE_STEP_MM)
-    traced = pair_curves(design, cavity, pairs, depth_mm, accuracy=accuracy_of_builds(design), seed=seed)
+    traced = pair_curves(draft, pairs, depth_mm, accuracy=accuracy_of_builds(draft), seed=seed)
     untouched = np.zeros((len(cavity.emitters), len(cavity.receivers)))
     for curves in traced:
         untouched[curves.pair] = curves.total[0]
-    readout = readout_of(design, untouched, mask_of(pairs, cavity))
+    readout = readout_of(draft, untouched, mask_of(pairs, cavity))
     scores = [score_curves(curves, readout) for curves in traced]
     worst_mm = max(score.deadband_total_mm for score in scores)
     found = [pair_margin(readout, curves, score) for curves, score in zip(traced, scores, strict=True)]
@@ -158,8 +159,9 @@ def pair_margin(readout: Readout, curves: PairCurves, score: PairScore) -> tuple
 
 def pair_brief(design: SensorDesign, pair: Pair, *, seed: int) -> Brief:
     """Short verdict by one pair under a press at the midpoint between its emitter and receiver."""
-    place_mm = chord_midpoint_mm(cavity_of(design), pair)
-    depth_mm, light, readout = _pressed(design, place_mm, (pair,), seed)
+    draft = Draft.of(design)
+    place_mm = chord_midpoint_mm(draft.cavity, pair)
+    depth_mm, light, readout = _pressed(draft, place_mm, (pair,), seed)
     curves = curves_of(light, pair, place_mm, slice(1, None), depth_mm)
     score = score_curves(curves, readout)
     counts = curves.total[:, None] * readout.of_receiver(pair[1])
@@ -180,7 +182,8 @@ def place_brief(
     design: SensorDesign, place_mm: tuple[float, float], pairs: tuple[Pair, ...], *, seed: int
 ) -> Brief:
     """Short verdict at one location by several pairs; depths whose margin is near the threshold are traced twice."""
-    depth_mm, light, readout = _pressed(design, place_mm, pairs, seed)
+    draft = Draft.of(design)
+    depth_mm, light, readout = _pressed(draft, place_mm, pairs, seed)
     counts = np.stack([_counts(light, pairs, readout, first=1)] * 2)
     once = np.zeros_like(counts[0])
     nearly = place_of(place_mm, depth_mm, counts, once, readout, threshold=NEARLY_DEAD).depths.blind
@@ -189,7 +192,7 @@ def place_brief(
         if interval[1] > interval[0]:
             again[samples_between(depth_mm, *interval)] = True
     if again.any():
-        second = _light(design, place_mm, depth_mm[again], pairs, seed + SECOND_SEED)
+        second = _light(draft, place_mm, depth_mm[again], pairs, seed + SECOND_SEED)
         counts[1, again] = _counts(second, pairs, readout)
     found = place_of(place_mm, depth_mm, counts, once, readout).depths
     return Brief(
@@ -231,17 +234,17 @@ def responsive_pairs(
 
 
 def _pressed(
-    design: SensorDesign, place_mm: tuple[float, float], pairs: tuple[Pair, ...], seed: int
+    draft: Draft, place_mm: tuple[float, float], pairs: tuple[Pair, ...], seed: int
 ) -> tuple[FloatArray, LightSignals, Readout]:
     """Depths, light and gain for one press location; the light is of the untouched pad first, then of each depth."""
-    cavity = cavity_of(design)
-    depth_mm = depth_schedule_mm(design.operating.max_depth_mm, COARSE_STEP_MM)
-    light = _light(design, place_mm, depth_mm, pairs, seed, is_after_untouched=True)
-    return depth_mm, light, readout_of(design, light.flux[0], mask_of(judged_pairs(cavity), cavity))
+    cavity = draft.cavity
+    depth_mm = depth_schedule_mm(draft.design.operating.max_depth_mm, COARSE_STEP_MM)
+    light = _light(draft, place_mm, depth_mm, pairs, seed, is_after_untouched=True)
+    return depth_mm, light, readout_of(draft, light.flux[0], mask_of(judged_pairs(cavity), cavity))
 
 
 def _light(
-    design: SensorDesign,
+    draft: Draft,
     place_mm: tuple[float, float],
     depth_mm: FloatArray,
     pairs: tuple[Pair, ...],
@@ -252,9 +255,9 @@ def _light(
     """Light of some pairs at some depths; if `is_after_untouched`, the untouched pad with all pairs comes first."""
     begin = [0.0] if is_after_untouched else []
     states = states_of(np.array([place_mm]), np.concatenate([begin, depth_mm]))
-    masks = np.repeat(mask_of(pairs, cavity_of(design))[np.newaxis], len(states), axis=0)
+    masks = np.repeat(mask_of(pairs, draft.cavity)[np.newaxis], len(states), axis=0)
     masks[: len(begin)] = True
-    return trace(design, states, accuracy=accuracy_of_builds(design), seed=seed, pairs=masks)
+    return trace(draft, states, accuracy=accuracy_of_builds(draft), seed=seed, pairs=masks)
 
 
 def _margin(readout: Readout, depth_mm: FloatArray, counts: FloatArray, end_mm: float) -> float:

@@ -211,7 +211,7 @@ def load_map(design: SensorDesign, pad_map: PadMap, depth_mm: FloatArray) -> Dep
     curves = [place_force(contact, (place.x_mm, place.y_mm)) for place in pad_map.places]
     depths = depth_mm[depth_mm > 0.0]
     loads = np.array([[curve.at(float(depth)) for curve, _ in curves] for depth in depths])
-    young = contact.modulus
+    young = contact.draft.modulus
     return DepthMap(
         key="load",
         title="Load",

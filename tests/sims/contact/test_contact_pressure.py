@@ -88,7 +88,7 @@ def test_nodal_forces_add_up_to_the_press_force_and_a_shallow_press_has_hertz_pr
         carried = float(np.sum(unit.normal_force[index] * height_share))
         assert carried == pytest.approx(float(unit.force[index]), rel=0.01)  # measured: 0.14 %, facets
         assert np.all(unit.normal_force[index] >= 0.0)
-    press = SolvedPress(smooth=fit_press(unit), tip_radius_mm=1.0, modulus=contact_of(PAD).modulus)
+    press = SolvedPress(smooth=fit_press(unit), tip_radius_mm=1.0, modulus=contact_of(PAD).draft.modulus)
     found, edge_mm = contact_pressure(press, depths[-1]), press.at(depths[-1]).contact_radius_mm
     ratio = found.radius_mm / edge_mm
     hertz = np.sqrt(np.maximum(1.0 - ratio**2, 0.0))

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from optopad.design.draft import Draft
 from optopad.design.errors import DesignError, ModelScopeError, OptopadError
 from optopad.design.preset import FLAT_PRESETS, preset
 from optopad.design.shape.cavity import beside_chord, cavity_of, judged_pairs, pair_name
@@ -143,7 +144,7 @@ def test_draft_bounds_are_near_the_score_s_and_call_no_place_blind_that_is_not(c
     design = preset(PAD).with_(**{CLEAR: clear_mm})
     found = draft_score(design)
     bounded = with_draft_bounds(design, found).bounds
-    true = pad_bounds(design, places=3, depths_mm=(1.5,), readout=found.readout, with_losses=False)
+    true = pad_bounds(Draft.of(design), places=3, depths_mm=(1.5,), readout=found.readout, with_losses=False)
     assert bounded is not None
     assert np.array_equal(bounded.is_blind, true.is_blind)
     assert bounded.median_location_mm.value == pytest.approx(true.median_location_mm.value, rel=0.05)

@@ -105,7 +105,7 @@ def rows(path: Path = STORED) -> Iterator[Row]:
                 model=press_error(
                     solved_press(contact).round_pad_at(depth_mm),
                     state,
-                    contact.modulus.value,
+                    contact.draft.modulus.value,
                 ),
                 oracle=oracle_error(state, TIP_RADIUS_MM),
             )
