@@ -233,7 +233,7 @@ class _Search:
         if build is None or is_facing_rows(cavity_of(build)) != self.score.is_facing_rows:
             return None
         try:
-            return _Tried(line=line, length_mm=length_mm, build=build, brief=self.judge(build))
+            return _Tried(line=line, length_mm=length_mm, build=build, brief=self.judge(Draft.of(build)))
         except OptopadError:
             return None
 
@@ -269,7 +269,7 @@ class _Search:
     def _whole(self, build: SensorDesign, brief: Brief | None) -> _Whole | None:
         try:
             if self.score.is_facing_rows:
-                found = brief or facing_judge(seed=self.seed)[1](build)
+                found = brief or facing_judge(seed=self.seed)[1](Draft.of(build))
                 return _Whole(
                     verdict="DEADBAND" if found.deadband_mm > 0.0 else "CONTIGUOUS",
                     deadband_mm=found.deadband_mm,

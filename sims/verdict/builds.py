@@ -40,7 +40,7 @@ from optopad.design.arrays import BoolArray, FloatArray
 from optopad.design.draft import Draft
 from optopad.design.errors import InputError, OptopadError
 from optopad.design.shape.cavity import (
-    cavity_of,
+    CavityGeometry,
     chord_midpoint_mm,
     is_facing_rows,
     judged_pairs,
@@ -125,12 +125,11 @@ def score_curves(curves: PairCurves, readout: Readout) -> PairScore:
     )
 
 
-def facing_brief(design: SensorDesign, *, seed: int) -> Brief:
+def facing_brief(draft: Draft, *, seed: int) -> Brief:
     """Short verdict on facing rows: mode gap of the middle pair, deadband and margin of the worst pair."""
-    draft = Draft.of(design)
     cavity = draft.cavity
     pairs = judged_pairs(cavity)
-    depth_mm = depth_schedule_mm(design.operating.max_depth_mm, COARSE_STEP_MM)
+    depth_mm = depth_schedule_mm(draft.design.operating.max_depth_mm, COARSE_STEP_MM)
     traced = pair_curves(draft, pairs, depth_mm, accuracy=accuracy_of_builds(draft), seed=seed)
     untouched = np.zeros((len(cavity.emitters), len(cavity.receivers)))
     for curves in traced:
@@ -143,7 +142,7 @@ def facing_brief(design: SensorDesign, *, seed: int) -> Brief:
         gap_mm=scores[0].modes.gap_mm,
         deadband_mm=worst_mm,
         margin=min(margin for margin, _ in found),
-        usable_mm=min(_usable_mm(design, score) for score in scores),
+        usable_mm=min(_usable_mm(draft, score) for score in scores),
         in_doubt=worst_mm == 0.0 and any(margin < widened_threshold(error) for margin, error in found),
     )
 
@@ -157,9 +156,8 @@ def pair_margin(readout: Readout, curves: PairCurves, score: PairScore) -> tuple
     return _margin(readout, depth_mm, gain * curves.total[:, None], score.end_mm), error
 
 
-def pair_brief(design: SensorDesign, pair: Pair, *, seed: int) -> Brief:
+def pair_brief(draft: Draft, pair: Pair, *, seed: int) -> Brief:
     """Short verdict by one pair under a press at the midpoint between its emitter and receiver."""
-    draft = Draft.of(design)
     place_mm = chord_midpoint_mm(draft.cavity, pair)
     depth_mm, light, readout = _pressed(draft, place_mm, (pair,), seed)
     curves = curves_of(light, pair, place_mm, slice(1, None), depth_mm)
@@ -169,20 +167,17 @@ def pair_brief(design: SensorDesign, pair: Pair, *, seed: int) -> Brief:
         gap_mm=score.modes.gap_mm,
         deadband_mm=score.deadband_total_mm,
         margin=_margin(readout, depth_mm, counts, score.end_mm),
-        usable_mm=_usable_mm(design, score),
+        usable_mm=_usable_mm(draft, score),
     )
 
 
-def _usable_mm(design: SensorDesign, score: PairScore) -> float:
+def _usable_mm(draft: Draft, score: PairScore) -> float:
     """Depth up to which a pair resolves depth; the deepest press if it resolves all depths [mm]."""
-    return design.operating.max_depth_mm if score.saturation_mm is None else score.saturation_mm[0]
+    return draft.design.operating.max_depth_mm if score.saturation_mm is None else score.saturation_mm[0]
 
 
-def place_brief(
-    design: SensorDesign, place_mm: tuple[float, float], pairs: tuple[Pair, ...], *, seed: int
-) -> Brief:
+def place_brief(draft: Draft, place_mm: tuple[float, float], pairs: tuple[Pair, ...], *, seed: int) -> Brief:
     """Short verdict at one location by several pairs; depths whose margin is near the threshold are traced twice."""
-    draft = Draft.of(design)
     depth_mm, light, readout = _pressed(draft, place_mm, pairs, seed)
     counts = np.stack([_counts(light, pairs, readout, first=1)] * 2)
     once = np.zeros_like(counts[0])
@@ -280,7 +275,7 @@ CUT_SIGMA = 2.0
 FEWEST_BUILDS, MOST_BUILDS = 10, 100_000
 
 
-BuildJudge = Callable[[SensorDesign], Brief]
+BuildJudge = Callable[[Draft], Brief]
 
 
 def pair_judge(pair: Pair, name: str, *, seed: int) -> tuple[str, BuildJudge]:
@@ -294,18 +289,18 @@ def facing_judge(*, seed: int) -> tuple[str, BuildJudge]:
 
 
 def place_judge(
-    design: SensorDesign, pad_map: PadMap, light: LightSignals, readout: Readout, *, seed: int
+    cavity: CavityGeometry, pad_map: PadMap, light: LightSignals, readout: Readout, *, seed: int
 ) -> tuple[str, BuildJudge]:
     """A judge of pads at the design's location of least margin, by the pairs that respond there."""
     weak = pad_map.weakest
     place_mm = (weak.x_mm, weak.y_mm)
-    pairs = _answering_pairs(design, light, place_mm, readout)
+    pairs = _answering_pairs(cavity, light, place_mm, readout)
     name = f"the pad at x {weak.x_mm:g}, y {weak.y_mm:g} mm"
     return name, lambda build: place_brief(build, place_mm, pairs, seed=seed)
 
 
 def verdict_judge(
-    design: SensorDesign,
+    cavity: CavityGeometry,
     pad_map: PadMap | None,
     light: LightSignals | None,
     readout: Readout,
@@ -313,15 +308,15 @@ def verdict_judge(
     seed: int,
 ) -> tuple[str, BuildJudge]:
     """A judge of a design's units: by all facing pairs for facing rows, otherwise at the location of least margin."""
-    if pad_map is None or light is None or is_facing_rows(cavity_of(design)):
+    if pad_map is None or light is None or is_facing_rows(cavity):
         return facing_judge(seed=seed)
-    return place_judge(design, pad_map, light, readout, seed=seed)
+    return place_judge(cavity, pad_map, light, readout, seed=seed)
 
 
 def _answering_pairs(
-    design: SensorDesign, light: LightSignals, place_mm: tuple[float, float], readout: Readout
+    cavity: CavityGeometry, light: LightSignals, place_mm: tuple[float, float], readout: Readout
 ) -> tuple[Pair, ...]:
-    pairs = judged_pairs(cavity_of(design))
+    pairs = judged_pairs(cavity)
     here = (light.presses[:, 0] == place_mm[0]) & (light.presses[:, 1] == place_mm[1])
     unlimited = np.stack([light.flux[here, i, j] for i, j in pairs], axis=1) * readout.of_pairs(pairs)
     counts = np.minimum(unlimited, readout.full_scale_counts)
@@ -451,7 +446,7 @@ def build_study(
     design: SensorDesign,
     tolerances: Sequence[Tolerance],
     judged: str,
-    judge: Callable[[SensorDesign], Brief],
+    judge: BuildJudge,
     *,
     builds: int,
     seed: int,
@@ -472,13 +467,13 @@ def build_study(
         raise InputError(f"--builds: {builds} is refused: needs {FEWEST_BUILDS} to {MOST_BUILDS} units")
     if not tolerances:
         raise InputError("--tolerance: no value varies: each was measured or has a tolerance of 0")
-    as_designed, values = judge(design), drawn_values(tolerances, builds, seed)
+    as_designed, values = judge(Draft.of(design)), drawn_values(tolerances, builds, seed)
     briefs: list[Brief | None] = []
     unjudged: dict[str, int] = {}
     for number, row in enumerate(values):
         changes = {one.path: float(value) for one, value in zip(tolerances, row, strict=True)}
         try:
-            briefs.append(judge(design.with_(**changes)))
+            briefs.append(judge(Draft.of(design.with_(**changes))))
         except OptopadError as err:
             reason = str(err).split(":")[0]
             unjudged[reason] = unjudged.get(reason, 0) + 1
@@ -512,15 +507,13 @@ def drawn_values(tolerances: Sequence[Tolerance], builds: int, seed: int) -> Flo
     return np.stack(columns, axis=1)
 
 
-def remembered(
-    judge: Callable[[SensorDesign], Brief], memo: Memo | None, name: str
-) -> Callable[[SensorDesign], Brief]:
+def remembered(judge: BuildJudge, memo: Memo | None, name: str) -> BuildJudge:
     """A judge that returns a unit's stored short verdict if there is one; otherwise it judges and stores the result."""
     if memo is None:
         return judge
 
-    def recalled(build: SensorDesign) -> Brief:
-        key = f"{name} {build.digest}"
+    def recalled(build: Draft) -> Brief:
+        key = f"{name} {build.design.digest}"
         earlier = memo.get(key)
         if earlier is not None:
             return Brief(**earlier)
