@@ -47,7 +47,7 @@ def check(design: SensorDesign) -> tuple[Finding, ...]:
     The rules about locations of parts are left out if the layout has too many: their time grows with the square of the
     number of parts.
     """
-    draft = Draft(design)
+    draft = Draft.of(design)
     kinds = [place.kind for place in draft.places]
     counts = kinds.count("emitter"), kinds.count("receiver")
     unknown = part_findings(draft)
@@ -80,20 +80,22 @@ def by_weight(findings: Iterable[Finding]) -> tuple[Finding, ...]:
 
 def notes(design: SensorDesign) -> tuple[Finding, ...]:
     """Notes about what a user may not expect or know; the design must have no errors."""
-    draft = Draft(design)
+    draft = Draft.of(design)
     return (*reach_notes(draft), *housing_notes(draft))
 
 
-def require_valid(design: SensorDesign) -> None:
-    """Refuse a design that has errors; warnings are allowed.
+def require_valid(design: SensorDesign) -> tuple[Finding, ...]:
+    """The findings about a design without errors; refuse a design that has errors.
 
     Raises
     ------
     DesignError : the design has errors; the message lists them, one per line.
     """
-    errors = [str(finding) for finding in check(design) if finding.severity == "error"]
+    found = check(design)
+    errors = [str(finding) for finding in found if finding.severity == "error"]
     if errors:
         raise DesignError(f"{design.name}: not a usable design\n" + "\n".join(f"  {line}" for line in errors))
+    return found
 
 
 def require_scope(design: SensorDesign) -> None:

@@ -11,7 +11,6 @@ from optopad.design.parts.angular import FLAT_FACE_LEAST_DEG
 from optopad.design.parts.catalog import Part
 from optopad.design.parts.spectrum import CURVES
 from optopad.design.shape.cavity import CavityGeometry
-from optopad.design.spec.properties import wall_index
 
 SHORT_TABLE_DEG = 80.0
 """Angle up to which an angular table should extend; a shorter one causes a warning [deg].
@@ -51,7 +50,7 @@ def finish_findings(draft: Draft) -> Iterator[Finding]:
 
 def _index_findings(draft: Draft) -> Iterator[Finding]:
     try:
-        wall_index(draft.design)
+        _ = draft.wall_index  # raises an error without an index
     except DesignError as err:
         where, _, rest = str(err).partition(": ")
         what, _, way_out = rest.partition("; ")

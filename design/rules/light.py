@@ -237,13 +237,13 @@ def _press_findings(draft: Draft) -> Iterator[Finding]:
 
 def material_findings(draft: Draft) -> Iterator[Finding]:
     """Errors about optical or elastic values that the catalogue's tables do not cover."""
-    for field, look_up in (
-        ("elastomer.refractive_index", properties.refractive_index),
-        ("elastomer.absorption_db_per_cm", properties.absorption_db_per_cm),
-        ("elastomer.youngs_modulus_mpa", properties.modulus),
+    for field, name in (
+        ("elastomer.refractive_index", "refractive_index"),
+        ("elastomer.absorption_db_per_cm", "absorption_db_per_cm"),
+        ("elastomer.youngs_modulus_mpa", "modulus"),
     ):
         try:
-            look_up(draft.design)
+            getattr(draft, name)
         except DesignError as err:
             where, _, rest = str(err).partition(": ")
             what, _, way_out = rest.partition("; ")

@@ -18,7 +18,7 @@ from optopad.design.parts.catalog import CatalogEntries
 from optopad.design.parts.circuits import EMITTER_CHIPS, RECEIVER_CHIPS, BoardChip, named_chip
 from optopad.design.shape.cavity import part_field
 from optopad.design.spec import SensorDesign
-from optopad.design.spec.layout import Kind, Placement
+from optopad.design.spec.layout import Kind
 from optopad.design.spec.properties import part_of
 
 Named = tuple[str, Callable[[CatalogEntries, str], object], str]
@@ -27,7 +27,7 @@ Named = tuple[str, Callable[[CatalogEntries, str], object], str]
 
 def part_findings(draft: Draft) -> list[Finding]:
     """Errors about parts and measured values that do not exist in the catalogue."""
-    return [*_named_findings(draft.design, draft.places), *_measurement_findings(draft.design, draft.entries)]
+    return [*_named_findings(draft), *_measurement_findings(draft.design, draft.entries)]
 
 
 def entry_findings(draft: Draft) -> Iterator[Finding]:
@@ -67,20 +67,19 @@ def _absent(entries: CatalogEntries, *names: Named) -> Iterator[Finding]:
             yield _not_found(field, name, err)
 
 
-def _named_findings(design: SensorDesign, places: tuple[Placement, ...]) -> Iterator[Finding]:
+def _named_findings(draft: Draft) -> Iterator[Finding]:
     named: dict[tuple[str, str, Kind], None] = {
-        ("emitters.part", design.emitters.part, "emitter"): None,
-        ("receivers.part", design.receivers.part, "receiver"): None,
+        ("emitters.part", draft.design.emitters.part, "emitter"): None,
+        ("receivers.part", draft.design.receivers.part, "receiver"): None,
     }
-    for place in places:
+    for place in draft.places:
         if place.part is not None:
             named[(part_field(place), place.part, place.kind)] = None
     for field, part_id, kind in named:
         try:
-            part_of(design, part_id, kind)
+            catalog.find_part(draft.entries, part_id, kind)
         except DesignError as err:
-            if not str(err).startswith("part_measurements."):  # another finding covers measured values
-                yield _not_found(field, part_id, err)
+            yield _not_found(field, part_id, err)
 
 
 def _measurement_findings(design: SensorDesign, entries: CatalogEntries) -> Iterator[Finding]:

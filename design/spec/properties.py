@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from optopad.design.errors import DesignError
 from optopad.design.fields.base import get_at
 from optopad.design.fields.packaged import data_table
-from optopad.design.fields.quantity import NM_PER_UM, Confidence, absorption_per_mm, lambertian_order
+from optopad.design.fields.quantity import NM_PER_UM, Confidence, lambertian_order
 from optopad.design.fields.sheet_names import sheet_name_hint
 from optopad.design.once import once
 from optopad.design.parts import catalog
@@ -146,11 +146,6 @@ def absorption_db_per_cm(design: SensorDesign) -> Quantity:
     """Absorption coefficient of the clear elastomer [dB/cm]."""
     own = design.elastomer.absorption_db_per_cm
     return elastomer_of(design).absorption_db_per_cm if own is None else _measured("dB/cm", own)
-
-
-def absorption_coefficient_per_mm(design: SensorDesign) -> float:
-    """Absorption coefficient a of the clear elastomer in the law exp(-a L) [1/mm]."""
-    return absorption_per_mm(absorption_db_per_cm(design).value)
 
 
 def modulus(design: SensorDesign) -> Quantity:

@@ -16,6 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from optopad.design.draft import Draft
 from optopad.design.errors import OptopadError
 from optopad.design.fields.base import get_at
 from optopad.design.progress import OnStep
@@ -100,8 +101,9 @@ def _tried(
 def _effect(
     build: SensorDesign, judge: BuildJudge, place_mm: tuple[float, float], seed: int, *, is_facing: bool
 ) -> Effect:
-    brief = judge(build)
-    location_mm, depth_mm = _bounds_mm(build, place_mm, seed, is_facing=is_facing)
+    draft = Draft.of(build)
+    brief = judge(draft)
+    location_mm, depth_mm = _bounds_mm(draft, place_mm, seed, is_facing=is_facing)
     return Effect(
         usable_mm=build.operating.max_depth_mm if brief.usable_mm is None else brief.usable_mm,
         deadband_mm=brief.deadband_mm,
@@ -112,16 +114,16 @@ def _effect(
 
 
 def _bounds_mm(
-    build: SensorDesign, place_mm: tuple[float, float], seed: int, *, is_facing: bool
+    draft: Draft, place_mm: tuple[float, float], seed: int, *, is_facing: bool
 ) -> tuple[float | None, float | None]:
     """Bounds on location and on depth at half the deepest press [mm]; each is None if not resolved.
 
     For facing rows the bound on location is None, and the bound on depth takes the location as known.
     """
-    settings = accuracy_of_builds(build)
-    readout = own_readout(build, seed=seed, accuracy=settings)  # traced with these settings already
-    voxel = np.array([[*place_mm, 0.5 * build.operating.max_depth_mm]])
-    found = bounds_of(sensitivity(build, voxel, readout, accuracy=settings, seed=seed, steps=Steps()))
+    settings = accuracy_of_builds(draft)
+    readout = own_readout(draft, seed=seed, accuracy=settings)  # traced with these settings already
+    voxel = np.array([[*place_mm, 0.5 * draft.design.operating.max_depth_mm]])
+    found = bounds_of(sensitivity(draft, voxel, readout, accuracy=settings, seed=seed, steps=Steps()))
     told = (np.inf, found.depth_alone_mm[0]) if is_facing else (found.location_mm[0], found.depth_mm[0])
     location_mm, depth_mm = (float(value) if np.isfinite(value) else None for value in told)
     return location_mm, depth_mm
