@@ -50,7 +50,7 @@ from optopad.design.parts.assumptions import (
     standard_nearest,
 )
 from optopad.design.parts.catalog import Board, Part, find_amplifier
-from optopad.design.parts.electronics import Amplifier
+from optopad.design.parts.circuits import Amplifier
 from optopad.design.spec import SensorDesign
 
 NEAR_NM = 25.0

@@ -64,12 +64,14 @@ from optopad.design.parts.angular import AngularTable
 from optopad.design.parts.assumptions import assumption
 from optopad.design.parts.board_firmware import ArduinoProgram, BoardFirmware
 from optopad.design.parts.circuits import (
+    Amplifier,
     BoardChip,
     Chip,
     Converter,
     LedDriver,
     Multiplexer,
     ShiftRegister,
+    Transistor,
 )
 from optopad.design.parts.elastomer import (
     Cure,
@@ -80,7 +82,6 @@ from optopad.design.parts.elastomer import (
     refractive_index,
     youngs_modulus_mpa,
 )
-from optopad.design.parts.electronics import Amplifier, Transistor
 from optopad.design.parts.spectrum import Spectrum
 
 __all__ = [
