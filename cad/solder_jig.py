@@ -22,7 +22,7 @@ from optopad.design.mold.sockets import Box, Hole, lead_offsets_mm
 from optopad.design.parts.catalog import Part
 from optopad.design.shape.cavity import cavity_of
 from optopad.design.spec import SensorDesign
-from optopad.design.spec.fits import fit
+from optopad.design.spec.properties import fit
 
 THICKNESS_MM = 5.0
 MARGIN_MM = 3.0

@@ -69,9 +69,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optopad.design.arrays import BoolArray, FloatArray
-from optopad.design.circuit.circuit import Circuit
+from optopad.design.circuit.circuit import MS_PER_S, US_PER_S, Circuit
 from optopad.design.circuit.emitter_switch import current_sink
-from optopad.design.circuit.link import MS_PER_S, US_PER_S
 from optopad.design.circuit.transimpedance import emitted_mw, feedbacks_of, responsivity_at
 from optopad.design.errors import ModelScopeError
 from optopad.design.recordings import lit_emitters, nearest_dark_states, with_one_dark

@@ -24,7 +24,7 @@ from optopad.design.parts.catalog import find_board, packaged
 from optopad.design.preset import FLAT_PRESETS, PRESETS, preset
 from optopad.design.rules.check import require_valid
 from optopad.design.shape.cavity import cavity_of
-from optopad.design.spec.fits import fit
+from optopad.design.spec.properties import fit
 from optopad.fabrication.connections import connections_of
 from tests.cad.agreement import cavity_agreement
 from tests.cad.volumes import base_volume_mm3, gauge_volume_mm3, jig_volume_mm3, mold_volume_mm3

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from optopad.design.circuit.circuit import Circuit
-from optopad.design.circuit.link import frame_bytes, sending_time_ms
+from optopad.design.circuit.circuit import Circuit, frame_bytes, sending_time_ms
 from optopad.design.errors import DeviceError
 from optopad.design.pad import Pad
 from optopad.design.preset import preset
