@@ -32,8 +32,8 @@ from optopad.sims.contact.force_curve import force_curve
 from optopad.sims.contact.indentation import solved_press
 from optopad.sims.learning.fits.touch import sigma_table
 from optopad.sims.learning.inference.header import ForceCurve, ModelHeader
-from optopad.sims.learning.inference.sigma_table import UNIT_SIGMA, SigmaTable
 from optopad.sims.learning.inference.signal_map import KIND, Box, ReadingNoise, SignalMapModel
+from optopad.sims.learning.inference.touch_model import UNIT_SIGMA, SigmaTable
 from optopad.sims.learning.samples import CLEARLY_UNTOUCHED_MM, SIGMA_OF_TIP
 from optopad.sims.learning.settings import DEFAULT, FitSettings
 from optopad.sims.learning.traced_map import (

@@ -21,7 +21,6 @@ from optopad.design.arrays import FloatArray
 from optopad.design.errors import InputError
 from optopad.design.progress import OnShare
 from optopad.design.spec import SensorDesign
-from optopad.sims.contact.library.profiles import UnitPress
 from optopad.sims.contact.library.smooth_press import (
     LOAD_SHARES,
     POISSON_RATIOS,
@@ -34,7 +33,7 @@ from optopad.sims.contact.library.smooth_press import (
     off_crown,
     sample_arcs,
 )
-from optopad.sims.contact.library.stored_press import PressInputs, stored_press
+from optopad.sims.contact.library.stored_press import PressInputs, UnitPress, stored_press
 from optopad.sims.contact.scope import (
     layer_depth,
     solved_depths,

@@ -72,8 +72,7 @@ from scipy.optimize import brentq
 
 from optopad.design.arrays import BoolArray, FloatArray
 from optopad.design.errors import ModelScopeError
-from optopad.sims.contact.crown import crown_drop, crown_slope
-from optopad.sims.contact.scope import WALL_RADIUS
+from optopad.sims.contact.scope import WALL_RADIUS, crown_drop, crown_slope
 from optopad.sims.contact.tip import HEMISPHERE, TipOutline, outside_tip, tip_coordinate, tip_gap, tip_outline
 from optopad.sims.contact.walls import FarPress, far_press
 

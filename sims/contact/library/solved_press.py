@@ -33,7 +33,6 @@ from scipy.interpolate import PchipInterpolator
 from optopad.design.arrays import FloatArray
 from optopad.design.errors import InputError, ModelScopeError
 from optopad.design.rules.shape import NEAREST_WALL
-from optopad.sims.contact.library.profiles import UnitPress
 from optopad.sims.contact.library.smooth_press import (
     SmoothPress,
     TopCurve,
@@ -42,6 +41,7 @@ from optopad.sims.contact.library.smooth_press import (
     run_out,
     runs_back,
 )
+from optopad.sims.contact.library.stored_press import UnitPress
 from optopad.sims.contact.scope import half_width_of
 from optopad.sims.contact.tip import HEMISPHERE
 from optopad.sims.contact.walls import Size, Surroundings, surroundings

@@ -11,21 +11,83 @@ import hashlib
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
-from functools import cache
+from functools import cache, cached_property
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from optopad.design.arrays import FloatArray
 from optopad.design.errors import OutputError
 from optopad.design.files import whole_file
 from optopad.design.plain_arrays import plain_arrays
 from optopad.sims.cache import CACHE_VARIABLE
 from optopad.sims.cache import cache_folder as folder_of_all
-from optopad.sims.contact.library.profiles import UnitPress
 from optopad.sims.contact.scope import WALL_RADIUS
 from optopad.sims.contact.tip import HEMISPHERE, TipOutline
+
+
+@dataclass(frozen=True, kw_only=True)
+class UnitPress:
+    """Solved equilibrium states of one layer under one tip; lengths in tip radii R, forces in E R².
+
+    Attributes
+    ----------
+    layer_depth, wall_radius : layer thickness on the axis, and radius of the bonded wall
+    mesh_size : node spacing under the tip
+    wedge_angle : opening angle of the solved wedge about the axis [rad]
+    poisson_ratio : Poisson's ratio of the layer [-]
+    tip_rows : (piece, 7) outline of the tip, one array row per line or arc; see `TipOutline`
+    depths : (depth,) solved press depths, increasing, without 0
+    rest_radii : (node,) radii of the top nodes at rest, from the axis to the wall
+    radii, heights : (depth, node) points of the deformed top; heights are above the undeformed apex
+    normal_force : (depth, node) force of the tip on each top node, for the full circle; positive where the tip presses
+    force, contact_radius : (depth,) force on the tip, and radius of the contact edge
+    reaction : (depth,) vertical reaction of the bonded surfaces, computed from the deformed shape alone
+    penetration, last_step : (depth,) deepest overlap with the tip, and largest motion of a vertex in the last solver
+        step
+    chatter : (depth,) spread of the iterates if the solver ended in a cycle; 0 if it came to rest
+    smallest_stretch : (depth,) smallest volume ratio of an element [-]
+    volume_loss : (depth,) volume lost by compression [R³]
+    energy : (depth,) elastic energy of the layer [E R³]
+    versions : names and versions of the programs that computed the states
+    crown : tip radius over the radius of the top's sphere; 0 is flat [-]
+    """
+
+    layer_depth: float
+    wall_radius: float
+    mesh_size: float
+    wedge_angle: float
+    poisson_ratio: float
+    tip_rows: FloatArray
+    depths: FloatArray
+    rest_radii: FloatArray
+    radii: FloatArray
+    heights: FloatArray
+    normal_force: FloatArray
+    force: FloatArray
+    contact_radius: FloatArray
+    reaction: FloatArray
+    penetration: FloatArray
+    last_step: FloatArray
+    chatter: FloatArray
+    smallest_stretch: FloatArray
+    volume_loss: FloatArray
+    energy: FloatArray
+    versions: tuple[str, ...]
+    crown: float = 0.0
+
+    @property
+    def deepest(self) -> float:
+        """Deepest solved press [tip radii]."""
+        return float(self.depths[-1])
+
+    @cached_property
+    def tip(self) -> TipOutline:
+        """Outline of the pressing tip."""
+        return TipOutline.from_rows(self.tip_rows)
+
 
 RECIPE = 13
 """Version of the solver that computes stored solutions. Raise it when results change."""

@@ -7,8 +7,8 @@ from importlib.metadata import version
 
 import numpy as np
 
-from optopad.sims.contact.library.profiles import UnitPress
 from optopad.sims.contact.library.smooth_press import contact_tolerance, surface_curve
+from optopad.sims.contact.library.stored_press import UnitPress
 from optopad.sims.contact.mesh import radial_mesh
 from optopad.sims.contact.scope import WALL_RADIUS
 from optopad.sims.contact.tip import HEMISPHERE, TipOutline

@@ -23,8 +23,7 @@ from optopad.design.progress import OnStep
 from optopad.sims.learning.fits.kernel_ridge import touch_prepared
 from optopad.sims.learning.fits.touch import fit_tuned_touch, trust_of
 from optopad.sims.learning.inference.extra_trees import ExtraTreesModel, Forest
-from optopad.sims.learning.inference.feature_scaling import FeatureScaling
-from optopad.sims.learning.inference.sigma_table import UNIT_SIGMA
+from optopad.sims.learning.inference.touch_model import UNIT_SIGMA, FeatureScaling
 from optopad.sims.learning.samples import PressSamples, counts_scaling, press_samples, trained_header
 from optopad.sims.learning.settings import DEFAULT, FitSettings
 from optopad.sims.readings.dataset import PressData

@@ -39,7 +39,7 @@ from optopad.design.errors import InputError
 from optopad.design.progress import OnShare, OnStep
 from optopad.sims.learning.fits.touch import fit_plain_touch
 from optopad.sims.learning.inference.kernel_ridge import KernelRidgeModel
-from optopad.sims.learning.inference.touch_svm import TouchSvm
+from optopad.sims.learning.inference.touch_model import TouchSvm
 from optopad.sims.learning.samples import (
     TrainingData,
     counts_scaling,
