@@ -173,8 +173,8 @@ def solved_depths(layer: float, deepest: float) -> FloatArray:
 def crown_drop(radius: FloatArray, crown: float) -> FloatArray:
     """Drop (...) of the undeformed crowned top below its apex, at radii (...) [tip radii].
 
-    The top is a sphere of radius 1/κ about the axis: s(r) = 1/κ - √(1/κ² - r²), written so that no digits are lost where
-    κ is small.
+    The top is a sphere of radius 1/κ about the axis: s(r) = 1/κ - √(1/κ² - r²), written so that no digits are lost
+    where κ is small.
 
     Parameters
     ----------
