@@ -142,22 +142,6 @@ class PressInputs:
         )
 
 
-def _solve(inputs: PressInputs, on_step: Callable[[float], None] | None) -> UnitPress:
-    """Solve the press with MuJoCo, which is imported only here, so that reading stored solutions does not need it."""
-    from optopad.sims.contact.library.unit_press import solve_unit_press
-
-    return solve_unit_press(
-        round(inputs.layer, 9),
-        round(inputs.mesh_size, 9),
-        inputs.depths,
-        inputs.poisson_ratio,
-        on_step,
-        inputs.tip,
-        round(inputs.wall_radius, 9),
-        round(inputs.crown, 9),
-    )
-
-
 def stored_press(
     inputs: PressInputs, on_step: Callable[[float], None] | None = None
 ) -> tuple[UnitPress, tuple[str, ...]]:
@@ -191,6 +175,7 @@ MOST_BYTES = 50_000_000
 _SCALARS = ("layer_depth", "wall_radius", "crown", "mesh_size", "wedge_angle", "poisson_ratio")
 _MAY_LACK = {"crown": 0.0}
 """Fields that may be missing from the entry of a flat layer, and the values that they then have."""
+_CHECKS = ("reaction", "penetration", "last_step", "chatter", "smallest_stretch", "volume_loss", "energy")
 _PER_STATE = ("radii", "heights", "normal_force")
 
 
@@ -258,3 +243,48 @@ def write_entry(key: str, press: UnitPress) -> str | None:
         reason = getattr(cause, "strerror", None) or str(cause)
         return f"contact solution not stored in {path.parent} ({reason}); set {CACHE_VARIABLE} to a writable folder"
     return None
+
+
+def _solve(inputs: PressInputs, on_step: Callable[[float], None] | None) -> UnitPress:
+    """Press a tip of radius 1 into a layer of modulus 1 with MuJoCo.
+
+    Raises
+    ------
+    InputError, ModelScopeError : the crown is not finite or is negative, or leaves too thin a rim
+    ContactSolveError : a state fails its checks
+    """
+    # MuJoCo is imported only here, so that reading stored solutions does not need it
+    from optopad.sims.contact.library.smooth_press import contact_tolerance, surface_curve
+    from optopad.sims.contact.mesh import radial_mesh
+    from optopad.sims.contact.wedge import WEDGE_ANGLE, solve_wedge
+
+    layer_depth, wall_radius, crown = (round(x, 9) for x in (inputs.layer, inputs.wall_radius, inputs.crown))
+    mesh = radial_mesh(layer_depth, wall_radius, round(inputs.mesh_size, 9), crown)
+    solution = solve_wedge(mesh, inputs.depths, inputs.poisson_ratio, on_step, inputs.tip)
+    spacing = float(mesh.nodes[mesh.top[1], 0])
+    tolerance = contact_tolerance(spacing, WEDGE_ANGLE)
+    contact = [
+        surface_curve(
+            radius, height, float(depth), spacing=spacing, tolerance=tolerance, tip=inputs.tip, crown=crown
+        ).contact_radius
+        for radius, height, depth in zip(solution.radii, solution.heights, solution.depths, strict=True)
+    ]
+    checks = {name: np.array([getattr(check, name) for check in solution.checks]) for name in _CHECKS}
+    return UnitPress(
+        layer_depth=layer_depth,
+        wall_radius=wall_radius,
+        crown=crown,
+        mesh_size=spacing,
+        wedge_angle=WEDGE_ANGLE,
+        poisson_ratio=inputs.poisson_ratio,
+        tip_rows=np.array(inputs.tip.rows),
+        depths=solution.depths,
+        rest_radii=mesh.nodes[mesh.top, 0],
+        radii=solution.radii,
+        heights=solution.heights,
+        normal_force=solution.normal_force,
+        force=solution.force,
+        contact_radius=np.array(contact),
+        versions=(f"mujoco {version('mujoco')}",),
+        **checks,
+    )
