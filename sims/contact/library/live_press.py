@@ -34,12 +34,7 @@ from optopad.sims.contact.library.smooth_press import (
     sample_arcs,
 )
 from optopad.sims.contact.library.stored_press import PressInputs, UnitPress, stored_press
-from optopad.sims.contact.scope import (
-    layer_depth,
-    solved_depths,
-    tip_radius_mm,
-    wall_radius,
-)
+from optopad.sims.contact.scope import layer_depth, solved_depths, tip_radius_mm, wall_radius
 from optopad.sims.contact.tip import tip_coordinate, tip_of, tip_outline
 
 DEPTHS_PER_INTERVAL = 3

@@ -20,6 +20,7 @@ from optopad.sims.readings.signal_chain import (
     without_noise,
 )
 from optopad.sims.verdict.depth_curve import noise_of
+from tests.sims.readings.chain.pair_noise import pair_sigma_counts
 
 DESIGN = preset("piacenza2017-pad")
 READOUT = Readout(counts_per_flux=54_500.0, full_scale_counts=1023.0)
@@ -182,7 +183,7 @@ def test_the_noise_of_a_pair_is_what_its_formula_says() -> None:
     of = chain_of(DESIGN.with_(**{"noise.dark_counts": 10.0}), READOUT)
     found = taken(of)
     signal = found[:, :-1] - found[:, -1:]
-    wanted = of.pair_sigma_counts(np.full((8, 8), 300.0))
+    wanted = pair_sigma_counts(of, np.full((8, 8), 300.0))
     np.testing.assert_allclose(signal.std(axis=0), wanted, rtol=6 * STANDARD_ERROR)
 
 
