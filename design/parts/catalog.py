@@ -34,7 +34,7 @@ from pydantic import Field, ValidationError, model_validator
 from pydantic_core import ErrorDetails
 
 from optopad.design.errors import DesignError, shown
-from optopad.design.fields.base import Model, PartId
+from optopad.design.fields.base import Model, PartId, sheet_name_hint
 from optopad.design.fields.packaged import data_table
 from optopad.design.fields.quantity import (
     CapacitancePf,
@@ -58,7 +58,6 @@ from optopad.design.fields.quantity import (
     VoltageV,
     WavelengthNm,
 )
-from optopad.design.fields.sheet_names import sheet_name_hint
 from optopad.design.fields.validation import PATTERN_WORDS
 from optopad.design.parts.angular import AngularTable
 from optopad.design.parts.assumptions import assumption

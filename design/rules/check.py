@@ -20,12 +20,13 @@ from optopad.design.parts import catalog
 from optopad.design.parts.catalog import CatalogEntries
 from optopad.design.parts.circuits import EMITTER_CHIPS, RECEIVER_CHIPS, BoardChip, named_chip
 from optopad.design.rules.board import board_findings, circuit_findings
-from optopad.design.rules.finish import angle_findings, finish_findings
 from optopad.design.rules.light import (
+    angle_findings,
     area_findings,
     colour_findings,
     count_findings,
     depth_findings,
+    finish_findings,
     material_findings,
     name_findings,
     path_findings,

@@ -12,7 +12,7 @@ from functools import cache
 from pydantic import ValidationError
 
 from optopad.design.errors import DesignError
-from optopad.design.fields.base import get_at
+from optopad.design.fields.base import get_at, sheet_name_hint
 from optopad.design.fields.packaged import data_quantities, data_table
 from optopad.design.fields.quantity import (
     NM_PER_UM,
@@ -21,7 +21,6 @@ from optopad.design.fields.quantity import (
     absorption_per_mm,
     lambertian_order,
 )
-from optopad.design.fields.sheet_names import sheet_name_hint
 from optopad.design.once import once
 from optopad.design.parts import catalog
 from optopad.design.parts.catalog import CatalogEntries, Elastomer, Part

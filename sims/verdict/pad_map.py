@@ -37,7 +37,7 @@ from optopad.design.arrays import BoolArray, FloatArray
 from optopad.design.shape.cavity import CavityGeometry, cavity_of, direct_path_pairs
 from optopad.design.shape.outline import Outline
 from optopad.design.spec import SensorDesign
-from optopad.sims.optics.light_signals import LightSignals
+from optopad.sims.optics.accuracy import LightSignals
 from optopad.sims.readings.readout import Readout
 from optopad.sims.verdict.depth_curve import (
     DEADBAND_MIN_LENGTH_MM,
