@@ -12,10 +12,9 @@ import pytest
 import trimesh
 
 from optopad.cad.export import export_parts, part_files, step_bytes
-from optopad.cad.indenter_tip import indenter_tip, shank_mm
-from optopad.cad.leveling_blade import blade_size, leveling_blade
 from optopad.cad.mesh import mesh_of, read_stl, stl_bytes
 from optopad.cad.mold import build_mold
+from optopad.cad.tools import blade_size, indenter_tip, leveling_blade, shank_mm
 from optopad.design.errors import DesignError
 from optopad.design.mold.outline import bed_lift_mm, outline_of
 from optopad.design.mold.sockets import Cut
