@@ -209,6 +209,14 @@ class Outline:
         sizes = " x ".join(f"{one.size_mm:g}" for one in self.dimensions) + " mm"
         return sizes if self.kind == PLAIN else f"{self.kind} of {sizes}"
 
+    @property
+    def place_words(self) -> str:
+        """Size and position as text for tables: `x 6 to 26, y 6 to 26 mm`, `disc of 20 mm around x 16, y 16 mm`."""
+        (x0, y0, x1, y1), (x, y) = self.box_mm, self.centre_mm
+        if self.kind == PLAIN:
+            return f"x {x0:g} to {x1:g}, y {y0:g} to {y1:g} mm"
+        return f"{self.size_words} around x {x:g}, y {y:g} mm"
+
     def touches_mm(self, direction: Point) -> tuple[Point, Point]:
         """Where the outline touches a side of its bounding box [mm]: both ends of a wall, or the same point twice.
 
