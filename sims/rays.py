@@ -27,8 +27,8 @@ import numpy as np
 from optopad.design.arrays import FloatArray
 from optopad.design.draft import Draft
 from optopad.design.spec import SensorDesign
+from optopad.sims.optics.accuracy import LightSignals
 from optopad.sims.optics.engine.trace_states import Accuracy
-from optopad.sims.optics.light_signals import LightSignals
 from optopad.sims.optics.paths import LOST as NO_RECEIVER
 from optopad.sims.optics.paths import LightPath, LightWalker
 from optopad.sims.optics.scene.lower import scene_of

@@ -50,7 +50,7 @@ from optopad.design.parts.assumptions import (
     standard_nearest,
 )
 from optopad.design.parts.catalog import Board, Part, find_amplifier
-from optopad.design.parts.electronics import Amplifier
+from optopad.design.parts.circuits import Amplifier
 
 NEAR_NM = 25.0
 """Largest distance from a responsivity's stated wavelength at which the value is used unchanged.

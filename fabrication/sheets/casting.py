@@ -27,8 +27,7 @@ from optopad.design.preset import true_description
 from optopad.design.rules.mold import is_inhibited
 from optopad.design.shape.cavity import PlacedPart, cavity_of, facing_pairs
 from optopad.design.spec import SensorDesign
-from optopad.design.spec.fits import clearance_mm, fit_name
-from optopad.design.spec.properties import elastomer_of, entries_of, quantities_of
+from optopad.design.spec.properties import clearance_mm, elastomer_of, entries_of, fit_name, quantities_of
 from optopad.fabrication.connections import polarity_of
 from optopad.fabrication.gain import SimulatedGain, clipped_pairs, feedbacks_for
 from optopad.fabrication.sheets.bom import BomRow, bom_rows

@@ -18,12 +18,11 @@ from optopad.design.rules.check import require_valid
 from optopad.design.spec import SensorDesign
 from optopad.fabrication.bundle import bundle, bundle_name
 from optopad.screen.press import PressView, ProtocolView
-from optopad.sims.contact.force_curve import force_curve
+from optopad.sims.contact.force_curve import compared, force_curve, published_load
 from optopad.sims.contact.indentation import indent, solved_press
 from optopad.sims.contact.load_protocol import load_history, solid_of
 from optopad.sims.contact.pad_surface import contact_notes
 from optopad.sims.contact.pressure import contact_pressure
-from optopad.sims.contact.published_load import compared, published_load
 from optopad.sims.contact.scope import contact_of
 from optopad.sims.plots.contact import (
     plot_force,

@@ -73,7 +73,7 @@ from optopad.design.search.points import (
 from optopad.design.search.space import SearchSpace, Value
 from optopad.design.shape.cavity import cavity_of, is_facing_rows, mask_of, plan_of
 from optopad.design.spec import SensorDesign
-from optopad.design.spec.cheap_fields import CLEAR, HEIGHTS, TARGET
+from optopad.design.spec.properties import CLEAR, HEIGHTS, TARGET
 from optopad.report.search import search_page
 from optopad.screen.improvement import AT_RISK, Alternative, Improvement, Nearest
 from optopad.screen.score import Score

@@ -24,7 +24,7 @@ from optopad.screen.output import Told
 from optopad.screen.simulation import data_lines, signal_lines
 from optopad.sims.contact.indentation import solved_press
 from optopad.sims.contact.scope import contact_of
-from optopad.sims.optics.light_signals import LightSignals
+from optopad.sims.optics.accuracy import LightSignals
 from optopad.sims.optics.tracing import trace
 from optopad.sims.press import depth_schedule_mm
 from optopad.sims.readings.data_writer import DataWriter

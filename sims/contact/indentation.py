@@ -45,9 +45,9 @@ from optopad.design.spec import Cavity, SensorDesign
 from optopad.design.spec.indenter import tip_words
 from optopad.sims.contact.library.live_press import live_note, live_press, mesh_size
 from optopad.sims.contact.library.profile_library import shipped_library
-from optopad.sims.contact.library.profiles import UnitPress
 from optopad.sims.contact.library.smooth_press import SmoothPress
 from optopad.sims.contact.library.solved_press import LARGEST_CHANGE, ROUNDS, PlacedPress, SolvedPress
+from optopad.sims.contact.library.stored_press import UnitPress
 from optopad.sims.contact.scope import Contact, ContactSolveError, Place, contact_of, half_width_of
 from optopad.sims.contact.tip import HEMISPHERE
 from optopad.sims.contact.walls import surroundings

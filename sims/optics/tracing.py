@@ -21,13 +21,12 @@ from optopad.design.draft import Draft
 from optopad.design.errors import InputError
 from optopad.design.spec import SensorDesign
 from optopad.sims.cache import GatheredLight, folder_fingerprint, light_store
-from optopad.sims.optics.accuracy import LADDER, Accuracy, accuracy_of
+from optopad.sims.optics.accuracy import LADDER, Accuracy, LightSignals, accuracy_of
 from optopad.sims.optics.engine.general.lower import FormedStack
 from optopad.sims.optics.engine.general.pad import formed_ways
 from optopad.sims.optics.engine.threads import run_each
 from optopad.sims.optics.engine.trace_states import CLASS_NAMES, RawLight, Tops, trace_scene, trace_tops
 from optopad.sims.optics.engine.untouched import untouched_pad
-from optopad.sims.optics.light_signals import LightSignals
 from optopad.sims.optics.scene.lower import scene_of
 from optopad.sims.optics.scene.optical_scene import OpticalScene, SmoothField, smooth_field, sum_of_fields
 from optopad.sims.optics.scene.symmetry import StateClasses, state_classes

@@ -30,7 +30,7 @@ from optopad.design.errors import ModelScopeError
 from optopad.design.files import whole_file
 from optopad.design.shape.cavity import CavityGeometry
 from optopad.design.spec import SensorDesign
-from optopad.sims.optics.light_signals import LightSignals
+from optopad.sims.optics.accuracy import LightSignals
 
 HEADROOM = 0.75
 """Largest untouched reading of the brightest judged pair of each receiver, as a share of full scale [-]. It applies if

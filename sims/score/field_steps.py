@@ -23,7 +23,7 @@ from optopad.design.progress import OnStep
 from optopad.design.rules.check import require_valid
 from optopad.design.shape.cavity import cavity_of, is_facing_rows
 from optopad.design.spec import SensorDesign
-from optopad.design.spec.cheap_fields import CLEAR, HEIGHTS, TARGET, cheap_fields
+from optopad.design.spec.properties import CLEAR, HEIGHTS, TARGET, cheap_fields
 from optopad.sims.bounds.fisher import Steps, bounds_of, sensitivity
 from optopad.sims.bounds.observability import own_readout
 from optopad.sims.score.build_tolerance import governing_judge

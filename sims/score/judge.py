@@ -56,8 +56,7 @@ from optopad.sims.bounds.observability import BOUND_ACCURACIES, MANY_PAIRS_BOUND
 from optopad.sims.contact.force_curve import ForceCurve, force_curve
 from optopad.sims.contact.indentation import require_corner, require_covered, solved_press
 from optopad.sims.contact.scope import Contact, contact_of
-from optopad.sims.optics.accuracy import ACCURACIES, Accuracy
-from optopad.sims.optics.light_signals import LightSignals
+from optopad.sims.optics.accuracy import ACCURACIES, Accuracy, LightSignals
 from optopad.sims.optics.tracing import trace
 from optopad.sims.press import COARSE_STEP_MM, STEP_MM, depth_schedule_mm
 from optopad.sims.readings.readout import Readout, readout_of

@@ -26,7 +26,7 @@ from optopad.design.progress import OnStep
 from optopad.design.rules.check import check
 from optopad.design.shape.cavity import cavity_of, is_facing_rows
 from optopad.design.spec import SensorDesign
-from optopad.design.spec.cheap_fields import CLEAR, HEIGHTS
+from optopad.design.spec.properties import CLEAR, HEIGHTS
 from optopad.sims.score.build_tolerance import governing_judge
 from optopad.sims.score.judge import SETTINGS, Judge
 from optopad.sims.score.result import ContinuityScore

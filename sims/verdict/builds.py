@@ -48,8 +48,7 @@ from optopad.design.shape.cavity import (
 )
 from optopad.design.spec import SensorDesign
 from optopad.design.spec.tolerances import Tolerance
-from optopad.sims.optics.accuracy import ACCURACIES, Accuracy
-from optopad.sims.optics.light_signals import LightSignals
+from optopad.sims.optics.accuracy import ACCURACIES, Accuracy, LightSignals
 from optopad.sims.optics.tracing import trace
 from optopad.sims.press import COARSE_STEP_MM, depth_schedule_mm
 from optopad.sims.readings.readout import Readout, readout_of

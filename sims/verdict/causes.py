@@ -40,7 +40,7 @@ import numpy as np
 from optopad.design.arrays import FloatArray
 from optopad.design.shape.cavity import CavityGeometry, beside_chord, cavity_of, direct_path_pairs, pair_name
 from optopad.design.spec import SensorDesign
-from optopad.sims.optics.light_signals import LightSignals
+from optopad.sims.optics.accuracy import LightSignals
 from optopad.sims.readings.readout import Readout
 from optopad.sims.verdict.depth_curve import DEADBAND_THRESHOLD, between, noise_units, sigma_counts
 from optopad.sims.verdict.pad_map import Interval, PadMap, Place

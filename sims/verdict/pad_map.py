@@ -36,7 +36,7 @@ import numpy as np
 from optopad.design.arrays import BoolArray, FloatArray
 from optopad.design.shape.cavity import CavityGeometry, direct_path_pairs
 from optopad.design.shape.outline import Outline
-from optopad.sims.optics.light_signals import LightSignals
+from optopad.sims.optics.accuracy import LightSignals
 from optopad.sims.readings.readout import Readout
 from optopad.sims.verdict.depth_curve import (
     DEADBAND_MIN_LENGTH_MM,

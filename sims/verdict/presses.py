@@ -16,8 +16,7 @@ from optopad.design.arrays import FloatArray
 from optopad.design.draft import Draft
 from optopad.design.progress import OnShare
 from optopad.design.shape.cavity import chord_midpoint_mm
-from optopad.sims.optics.accuracy import ACCURACIES, MIRRORED_FINER, Accuracy
-from optopad.sims.optics.light_signals import LightSignals
+from optopad.sims.optics.accuracy import ACCURACIES, MIRRORED_FINER, Accuracy, LightSignals
 from optopad.sims.optics.tracing import trace
 from optopad.sims.press import NEAR_CONTACT_MM, depth_schedule_mm
 

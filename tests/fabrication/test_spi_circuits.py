@@ -15,9 +15,8 @@ import numpy as np
 import pytest
 from scipy.signal import lti, step
 
-from optopad.design.circuit.circuit import Circuit
+from optopad.design.circuit.circuit import Circuit, frame_bytes, sending_time_ms
 from optopad.design.circuit.emitter_switch import current_sink, emitter_switch, supply_current
-from optopad.design.circuit.link import frame_bytes, sending_time_ms
 from optopad.design.circuit.transimpedance import (
     counts_per_flux_per_ohm,
     settling_findings,

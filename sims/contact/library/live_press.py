@@ -20,7 +20,6 @@ from scipy.interpolate import CubicSpline, PchipInterpolator, make_lsq_spline
 from optopad.design.arrays import FloatArray
 from optopad.design.errors import InputError
 from optopad.design.progress import OnShare
-from optopad.sims.contact.library.profiles import UnitPress
 from optopad.sims.contact.library.smooth_press import (
     LOAD_SHARES,
     POISSON_RATIOS,
@@ -33,7 +32,7 @@ from optopad.sims.contact.library.smooth_press import (
     off_crown,
     sample_arcs,
 )
-from optopad.sims.contact.library.stored_press import PressInputs, stored_press
+from optopad.sims.contact.library.stored_press import PressInputs, UnitPress, stored_press
 from optopad.sims.contact.scope import Contact, solved_depths
 from optopad.sims.contact.tip import tip_coordinate, tip_outline
 

@@ -34,7 +34,6 @@ from optopad.design.arrays import FloatArray
 from optopad.design.errors import InputError, ModelScopeError
 from optopad.design.fields.quantity import Quantity
 from optopad.design.rules.shape import NEAREST_WALL
-from optopad.sims.contact.library.profiles import UnitPress
 from optopad.sims.contact.library.smooth_press import (
     SmoothPress,
     TopCurve,
@@ -43,6 +42,7 @@ from optopad.sims.contact.library.smooth_press import (
     run_out,
     runs_back,
 )
+from optopad.sims.contact.library.stored_press import UnitPress
 from optopad.sims.contact.scope import half_width_of
 from optopad.sims.contact.tip import HEMISPHERE
 from optopad.sims.contact.walls import Size, Surroundings, surroundings

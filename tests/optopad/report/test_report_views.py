@@ -19,7 +19,7 @@ from optopad.report.scenes.mold_scene import mold_scene
 from optopad.report.scenes.pair_scene import STEPS, pair_scene
 from optopad.report.sections.maps import load_map, map_scene
 from optopad.report.words import script_text
-from optopad.sims.optics.light_signals import LightSignals
+from optopad.sims.optics.accuracy import LightSignals
 from optopad.sims.verdict.depth_curve import noise_units
 from optopad.sims.verdict.pad_map import Place, pad_profile
 from tests.optopad.report.bounded_score import bounded_score

@@ -16,8 +16,7 @@ from optopad.design.preset import preset
 from optopad.design.spec import SensorDesign
 from optopad.sims.contact.indentation import solved_press
 from optopad.sims.contact.library import stored_press
-from optopad.sims.contact.library.profiles import UnitPress
-from optopad.sims.contact.library.stored_press import PressInputs
+from optopad.sims.contact.library.stored_press import PressInputs, UnitPress
 from optopad.sims.contact.scope import contact_of
 from tests.validation.contact.crown.crowned_press import CrownedPad, crowned_press
 

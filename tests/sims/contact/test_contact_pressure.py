@@ -8,9 +8,9 @@ import pytest
 from optopad.design.errors import ModelScopeError
 from optopad.design.preset import preset
 from optopad.sims.contact.indentation import solved_press
+from optopad.sims.contact.library import stored_press
 from optopad.sims.contact.library.live_press import fit_press, tributary_areas
 from optopad.sims.contact.library.solved_press import SolvedPress
-from optopad.sims.contact.library.unit_press import solve_unit_press
 from optopad.sims.contact.mesh import shared_out
 from optopad.sims.contact.pressure import FEWEST_SPACINGS, contact_pressure
 from optopad.sims.contact.scope import contact_of
@@ -82,7 +82,8 @@ def test_point_forces_are_shared_by_the_lever_rule() -> None:
 @pytest.mark.full
 def test_nodal_forces_add_up_to_the_press_force_and_a_shallow_press_has_hertz_pressure() -> None:
     depths = [0.02 / 3, 0.05 / 3, 0.1 / 3, 0.15 / 3, 0.2 / 3, TWELFTH, 0.1, 0.4 / 3, 0.5 / 3]
-    unit = solve_unit_press(6.0, 0.1, depths, 0.49)
+    inputs = stored_press.PressInputs(layer=6.0, mesh_size=0.1, depths=tuple(depths), poisson_ratio=0.49)
+    unit = stored_press._solve(inputs, None)
     for index in range(2, len(depths)):
         height_share = np.sqrt(np.maximum(1.0 - unit.radii[index] ** 2, 0.0))  # cosine of the tip's normal
         carried = float(np.sum(unit.normal_force[index] * height_share))

@@ -18,7 +18,7 @@ from optopad.sims.contact.library.profile_library import (
     Library,
     shipped_library,
 )
-from optopad.sims.contact.library.smooth_press import LONGEST, TopCurve, arc_shares, run_out, sample_arcs
+from optopad.sims.contact.library.smooth_press import LONGEST, TopCurve, _arc_shares, run_out, sample_arcs
 from optopad.sims.contact.scope import HALF_WIDTH, WALL_RADIUS, contact_of, half_width_of, round_radius
 
 
@@ -47,7 +47,7 @@ def test_round_pads_have_the_area_of_the_cavity() -> None:
 
 def test_samples_beside_the_contact_stay_where_the_wall_goes() -> None:
     near, far = sample_arcs(3.4, 3.8), sample_arcs(7.1, 7.5)
-    np.testing.assert_array_equal(sample_arcs(5.0, WALL_RADIUS), 5.0 * arc_shares())
+    np.testing.assert_array_equal(sample_arcs(5.0, WALL_RADIUS), 5.0 * _arc_shares())
     for arcs, length in ((near, 3.4), (far, 7.1)):
         assert (arcs[0], arcs[-1]) == pytest.approx((0.0, length))
         assert np.all(np.diff(arcs) > 0.0)

@@ -14,7 +14,7 @@ import optopad.sims.score.judge as stages
 from optopad.design.draft import Draft
 from optopad.design.preset import preset
 from optopad.design.shape.cavity import cavity_of, direct_path_pairs
-from optopad.sims.optics.light_signals import LightSignals
+from optopad.sims.optics.accuracy import LightSignals
 from optopad.sims.readings.readout import readout_of
 from optopad.sims.score.judge import Judge
 from optopad.sims.score.result import margin_caution

@@ -9,7 +9,7 @@ import pytest
 
 from optopad.design.preset import preset
 from optopad.design.shape.cavity import cavity_of, chord_midpoint_mm, direct_path_pairs, facing_pairs
-from optopad.sims.optics.light_signals import LightSignals
+from optopad.sims.optics.accuracy import LightSignals
 from optopad.sims.optics.scene.lower import scene_of
 from optopad.sims.readings.readout import Readout
 from optopad.sims.score.scoring import score

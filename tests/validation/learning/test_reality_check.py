@@ -9,8 +9,7 @@ import pytest
 from optopad.design.preset import preset
 from optopad.design.press_protocol import load_protocol_file
 from optopad.design.shape.cavity import cavity_of
-from optopad.sims.learning.learners import LEARNERS
-from optopad.sims.learning.settings import QUICK
+from optopad.sims.learning.learners import LEARNERS, QUICK
 from optopad.sims.learning.tables import published_touch
 from optopad.sims.readings.press_data import PressCurves
 from optopad.sims.readings.protocol import ProtocolCurves, untouched_readout

@@ -14,9 +14,9 @@ from optopad.design.spec import SensorDesign
 from optopad.sims.contact.indentation import solved_press
 from optopad.sims.contact.library import stored_press
 from optopad.sims.contact.library.live_press import fit_press
-from optopad.sims.contact.library.profiles import UnitPress
 from optopad.sims.contact.library.solved_press import SolvedPress
 from optopad.sims.contact.library.stored_press import (
+    UnitPress,
     cache_folder,
     entry_key,
     entry_path,

@@ -19,6 +19,7 @@ from optopad.sims.readings.signal_chain import (
     shot_variance_per_count,
     without_noise,
 )
+from tests.sims.readings.chain.pair_noise import pair_sigma_counts
 
 DESIGN = preset("piacenza2017-pad")
 READOUT = Readout(
@@ -183,7 +184,7 @@ def test_the_noise_of_a_pair_is_what_its_formula_says() -> None:
     of = chain_of(DESIGN.with_(**{"noise.dark_counts": 10.0}), READOUT)
     found = taken(of)
     signal = found[:, :-1] - found[:, -1:]
-    wanted = of.pair_sigma_counts(np.full((8, 8), 300.0))
+    wanted = pair_sigma_counts(of, np.full((8, 8), 300.0))
     np.testing.assert_allclose(signal.std(axis=0), wanted, rtol=6 * STANDARD_ERROR)
 
 
