@@ -19,7 +19,7 @@ from optopad.design.circuit.circuit import Circuit
 from optopad.design.mold.outline import MoldOutline, outline_of
 from optopad.design.mold.sockets import Cut, Socket, lead_setback_mm
 from optopad.design.spec import SensorDesign
-from optopad.design.spec.fits import clearance_mm, fit_name
+from optopad.design.spec.properties import clearance_mm, fit_name
 from optopad.fabrication.connections import polarity_of
 from optopad.fabrication.sheets import svg
 from optopad.fabrication.sheets.svg import Element, Point

@@ -11,10 +11,9 @@ from optopad.design.fields.quantity import Quantity
 from optopad.design.press_protocol import LoadProtocol
 from optopad.design.spec import SensorDesign
 from optopad.screen.answer import Result
-from optopad.sims.contact.force_curve import ForceCurve
+from optopad.sims.contact.force_curve import ForceCurve, LoadComparison
 from optopad.sims.contact.load_protocol import LoadHistory
 from optopad.sims.contact.pressure import ContactPressure
-from optopad.sims.contact.published_load import LoadComparison
 from optopad.sims.press import Indentation
 
 HOW_TO_RELAX = (

@@ -32,6 +32,7 @@ from statistics import median
 from typing import Any
 
 from optopad.cli.verb import Asked, typed, verb
+from optopad.design.draft import Draft
 from optopad.design.errors import InputError, ModelScopeError
 from optopad.design.fields.base import get_at, known_paths, set_at
 from optopad.design.io import dump_design, load_design, read_design_text, write_text_atomically
@@ -72,7 +73,7 @@ from optopad.design.search.points import (
 from optopad.design.search.space import SearchSpace, Value
 from optopad.design.shape.cavity import cavity_of, is_facing_rows, mask_of, plan_of
 from optopad.design.spec import SensorDesign
-from optopad.design.spec.cheap_fields import CLEAR, HEIGHTS, TARGET
+from optopad.design.spec.properties import CLEAR, HEIGHTS, TARGET
 from optopad.report.search import search_page
 from optopad.screen.improvement import AT_RISK, Alternative, Improvement, Nearest
 from optopad.screen.score import Score
@@ -266,9 +267,9 @@ def _require_aim(aim: str | None, *, facing: bool) -> None:
 
 def _most_counts(design: SensorDesign, seed: int) -> float:
     """Largest useful target of the gain, from the untouched light; infinite if the models do not cover the design."""
-    judge = Judge(design, "search", seed=seed)
+    judge = Judge(Draft.of(design), "search", seed=seed)
     try:
-        return most_target_counts(design, judge.untouched, mask_of(judge.names, judge.cavity))
+        return most_target_counts(judge.draft, judge.untouched, mask_of(judge.names, judge.cavity))
     except ModelScopeError:
         return math.inf
 

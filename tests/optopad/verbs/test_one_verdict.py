@@ -9,7 +9,7 @@ import pytest
 import optopad
 from optopad.design.preset import preset
 from optopad.design.spec import SensorDesign
-from optopad.design.spec.cheap_fields import CLEAR
+from optopad.design.spec.properties import CLEAR
 from optopad.screen.sweep import table_row
 from optopad.sims.score.objective import judge
 from optopad.sims.score.result import ContinuityScore
