@@ -166,6 +166,12 @@ class Adc:
     filter_settles_us: float = 0.0
     separate: Converter | None = None
 
+    @property
+    def full_scale_counts(self) -> float:
+        """Largest reading [counts]: full scale, or less if the amplifiers' supply voltage is below it."""
+        steps = 2**self.bits
+        return float(min(steps - 1, math.floor(steps * self.supply_v / self.full_scale_v)))
+
 
 def own_adc(board: Board, use: BoardUse) -> Adc:
     """The board's own converter."""

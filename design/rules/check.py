@@ -36,7 +36,7 @@ from optopad.design.rules.mold import housing_notes, mold_findings, reach_notes,
 from optopad.design.rules.shape import is_spanned, shape_findings, span_findings
 from optopad.design.shape.cavity import part_field
 from optopad.design.spec import SensorDesign
-from optopad.design.spec.layout import MAX_PER_KIND, Kind, Placement
+from optopad.design.spec.layout import MAX_PER_KIND, Kind
 from optopad.design.spec.properties import part_of
 from optopad.design.spec.tolerances import tolerance_findings
 
@@ -53,7 +53,7 @@ def check(design: SensorDesign) -> tuple[Finding, ...]:
     The rules about locations of parts are left out if the layout has too many: their time grows with the square of the
     number of parts.
     """
-    draft = Draft(design)
+    draft = Draft.of(design)
     kinds = [place.kind for place in draft.places]
     counts = kinds.count("emitter"), kinds.count("receiver")
     unknown = part_findings(draft)
@@ -86,20 +86,22 @@ def by_weight(findings: Iterable[Finding]) -> tuple[Finding, ...]:
 
 def notes(design: SensorDesign) -> tuple[Finding, ...]:
     """Notes about what a user may not expect or know; the design must have no errors."""
-    draft = Draft(design)
+    draft = Draft.of(design)
     return (*reach_notes(draft), *housing_notes(draft))
 
 
-def require_valid(design: SensorDesign) -> None:
-    """Refuse a design that has errors; warnings are allowed.
+def require_valid(design: SensorDesign) -> tuple[Finding, ...]:
+    """The findings about a design without errors; refuse a design that has errors.
 
     Raises
     ------
     DesignError : the design has errors; the message lists them, one per line.
     """
-    errors = [str(finding) for finding in check(design) if finding.severity == "error"]
+    found = check(design)
+    errors = [str(finding) for finding in found if finding.severity == "error"]
     if errors:
         raise DesignError(f"{design.name}: not a usable design\n" + "\n".join(f"  {line}" for line in errors))
+    return found
 
 
 def require_scope(design: SensorDesign) -> None:
@@ -148,7 +150,7 @@ Named = tuple[str, Callable[[CatalogEntries, str], object], str]
 
 def part_findings(draft: Draft) -> list[Finding]:
     """Errors about parts and measured values that do not exist in the catalogue."""
-    return [*_named_findings(draft.design, draft.places), *_measurement_findings(draft.design, draft.entries)]
+    return [*_named_findings(draft), *_measurement_findings(draft.design, draft.entries)]
 
 
 def entry_findings(draft: Draft) -> Iterator[Finding]:
@@ -188,20 +190,19 @@ def _absent(entries: CatalogEntries, *names: Named) -> Iterator[Finding]:
             yield _not_found(field, name, err)
 
 
-def _named_findings(design: SensorDesign, places: tuple[Placement, ...]) -> Iterator[Finding]:
+def _named_findings(draft: Draft) -> Iterator[Finding]:
     named: dict[tuple[str, str, Kind], None] = {
-        ("emitters.part", design.emitters.part, "emitter"): None,
-        ("receivers.part", design.receivers.part, "receiver"): None,
+        ("emitters.part", draft.design.emitters.part, "emitter"): None,
+        ("receivers.part", draft.design.receivers.part, "receiver"): None,
     }
-    for place in places:
+    for place in draft.places:
         if place.part is not None:
             named[(part_field(place), place.part, place.kind)] = None
     for field, part_id, kind in named:
         try:
-            part_of(design, part_id, kind)
+            catalog.find_part(draft.entries, part_id, kind)
         except DesignError as err:
-            if not str(err).startswith("part_measurements."):  # another finding covers measured values
-                yield _not_found(field, part_id, err)
+            yield _not_found(field, part_id, err)
 
 
 def _measurement_findings(design: SensorDesign, entries: CatalogEntries) -> Iterator[Finding]:

@@ -44,7 +44,6 @@ from optopad.design.shape.cavity import (
 )
 from optopad.design.spec import properties
 from optopad.design.spec.layout import MAX_PER_KIND, Kind
-from optopad.design.spec.properties import wall_index
 
 SURROUND_MM = 0.1
 """Offset of additional presses around a location [mm].
@@ -244,13 +243,13 @@ def _press_findings(draft: Draft) -> Iterator[Finding]:
 
 def material_findings(draft: Draft) -> Iterator[Finding]:
     """Errors about optical or elastic values that the catalogue's tables do not cover."""
-    for field, look_up in (
-        ("elastomer.refractive_index", properties.refractive_index),
-        ("elastomer.absorption_db_per_cm", properties.absorption_db_per_cm),
-        ("elastomer.youngs_modulus_mpa", properties.modulus),
+    for field, name in (
+        ("elastomer.refractive_index", "refractive_index"),
+        ("elastomer.absorption_db_per_cm", "absorption_db_per_cm"),
+        ("elastomer.youngs_modulus_mpa", "modulus"),
     ):
         try:
-            look_up(draft.design)
+            getattr(draft, name)
         except DesignError as err:
             where, _, rest = str(err).partition(": ")
             what, _, way_out = rest.partition("; ")
@@ -395,7 +394,7 @@ def finish_findings(draft: Draft) -> Iterator[Finding]:
 
 def _index_findings(draft: Draft) -> Iterator[Finding]:
     try:
-        wall_index(draft.design)
+        _ = draft.wall_index  # raises an error without an index
     except DesignError as err:
         where, _, rest = str(err).partition(": ")
         what, _, way_out = rest.partition("; ")

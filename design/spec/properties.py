@@ -18,7 +18,6 @@ from optopad.design.fields.quantity import (
     NM_PER_UM,
     Confidence,
     Quantity,
-    absorption_per_mm,
     lambertian_order,
 )
 from optopad.design.once import once
@@ -151,11 +150,6 @@ def absorption_db_per_cm(design: SensorDesign) -> Quantity:
     """Absorption coefficient of the clear elastomer [dB/cm]."""
     own = design.elastomer.absorption_db_per_cm
     return elastomer_of(design).absorption_db_per_cm if own is None else _measured("dB/cm", own)
-
-
-def absorption_coefficient_per_mm(design: SensorDesign) -> float:
-    """Absorption coefficient a of the clear elastomer in the law exp(-a L) [1/mm]."""
-    return absorption_per_mm(absorption_db_per_cm(design).value)
 
 
 def modulus(design: SensorDesign) -> Quantity:

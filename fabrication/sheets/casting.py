@@ -15,7 +15,6 @@ from optopad.design.circuit.emitter_switch import current_sink, emitter_switch, 
 from optopad.design.circuit.transimpedance import (
     Feedback,
     counts_per_flux_per_ohm,
-    full_scale_counts,
     settling_findings,
 )
 from optopad.design.draft import Draft
@@ -143,7 +142,7 @@ def _gain(circuit: Circuit, gain: SimulatedGain | None) -> dict[str, Any]:
         "is_facing_rows": bool(facing_pairs(cavity)),
         "clipped": None if gain is None else clipped_pairs(design, gain),
         "pair_count": len(cavity.emitters) * len(cavity.receivers),
-        "full_scale": round(full_scale_counts(design)),
+        "full_scale": round(Circuit.of(design).adc.full_scale_counts),
     }
 
 

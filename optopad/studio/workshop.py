@@ -275,9 +275,10 @@ class Workshop:
 
     def _curves(self, request: Request) -> Curves:
         from optopad.sims.contact.indentation import round_press
+        from optopad.sims.contact.scope import contact_of
         from optopad.sims.score.objective import curves_under
 
-        round_press(request.design, on_step=self._contact_step)  # only if it is solved live
+        round_press(contact_of(request.design), on_step=self._contact_step)  # only if it is solved live
         found = curves_under(request.design, request.press.place_mm, seed=self._seed)
         return Curves(digest=request.design.digest, found=found)
 
@@ -324,6 +325,7 @@ class Workshop:
 
     def _readings(self, request: Request) -> Readings:
         """Expected readings: untouched as in `driver check`, and under the press, from each pair's change of light."""
+        from optopad.design.draft import Draft
         from optopad.sensor import simulated_gain
         from optopad.sims.optics.tracing import trace
 
@@ -333,7 +335,7 @@ class Workshop:
             self._untouched = (design.digest, gain.untouched_readings(design))
         untouched = self._untouched[1]
         flux = trace(
-            design,
+            Draft.of(design),
             np.array([[*press.place_mm, 0.0], [*press.place_mm, press.depth_mm]]),
             accuracy="draft",
             seed=self._seed,

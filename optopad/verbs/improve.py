@@ -32,6 +32,7 @@ from statistics import median
 from typing import Any
 
 from optopad.cli.verb import Asked, typed, verb
+from optopad.design.draft import Draft
 from optopad.design.errors import InputError, ModelScopeError
 from optopad.design.fields.base import get_at, known_paths, set_at
 from optopad.design.io import dump_design, load_design, read_design_text, write_text_atomically
@@ -266,9 +267,9 @@ def _require_aim(aim: str | None, *, facing: bool) -> None:
 
 def _most_counts(design: SensorDesign, seed: int) -> float:
     """Largest useful target of the gain, from the untouched light; infinite if the models do not cover the design."""
-    judge = Judge(design, "search", seed=seed)
+    judge = Judge(Draft.of(design), "search", seed=seed)
     try:
-        return most_target_counts(design, judge.untouched, mask_of(judge.names, judge.cavity))
+        return most_target_counts(judge.draft, judge.untouched, mask_of(judge.names, judge.cavity))
     except ModelScopeError:
         return math.inf
 

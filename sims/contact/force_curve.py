@@ -17,7 +17,6 @@ import numpy as np
 from optopad.design.arrays import FloatArray
 from optopad.design.fields.quantity import Quantity
 from optopad.design.spec import SensorDesign
-from optopad.design.spec.properties import modulus
 from optopad.sims.contact.library.solved_press import SolvedPress
 
 
@@ -74,13 +73,12 @@ def band_factors(young: Quantity) -> tuple[float, float]:
     return low / young.value, high / young.value
 
 
-def load_curve(design: SensorDesign, press: SolvedPress, depth_mm: FloatArray) -> LoadCurve:
+def load_curve(press: SolvedPress, depth_mm: FloatArray) -> LoadCurve:
     """Force against depth of a solved press, without computing its surface.
 
     Parameters
     ----------
-    design : the sensor, whose elastomer gives the modulus and its band
-    press : the solved press on this sensor
+    press : the solved press
     depth_mm : (n,) increasing depths [mm]
 
     Raises
@@ -89,13 +87,13 @@ def load_curve(design: SensorDesign, press: SolvedPress, depth_mm: FloatArray) -
     """
     depths = np.asarray(depth_mm, dtype=np.float64)
     force = np.array([press.force_n(float(depth)) for depth in depths])
-    low, high = band_factors(modulus(design))
+    low, high = band_factors(press.modulus)
     return LoadCurve(depth_mm=depths, force_n=force, low_n=low * force, high_n=high * force)
 
 
-def force_curve(design: SensorDesign, press: SolvedPress, depth_mm: FloatArray) -> ForceCurve:
+def force_curve(press: SolvedPress, depth_mm: FloatArray) -> ForceCurve:
     """Force and contact radius against depth of a solved press; arguments and errors are those of `load_curve`."""
-    load = load_curve(design, press, depth_mm)
+    load = load_curve(press, depth_mm)
     radius = np.array([press.at(float(depth)).contact_radius_mm for depth in load.depth_mm])
     return ForceCurve(**vars(load), contact_radius_mm=radius)
 

@@ -29,6 +29,7 @@ from optopad.design.progress import OnStep
 from optopad.design.spec import SensorDesign
 from optopad.sims.contact.force_curve import force_curve
 from optopad.sims.contact.indentation import solved_press
+from optopad.sims.contact.scope import contact_of
 from optopad.sims.learning.inference.header import ForceCurve, ModelHeader
 from optopad.sims.learning.inference.signal_map import KIND, Box, ReadingNoise, SignalMapModel
 from optopad.sims.learning.inference.touch_model import UNIT_SIGMA, SigmaTable
@@ -232,8 +233,8 @@ def map_header(design: SensorDesign, data: PressData, found: SignalMap, seed: in
     force curve is for a press in the middle of the design's pad.
     """
     deepest = design.operating.max_depth_mm
-    press = solved_press(design, max_depth_mm=deepest)
-    curve = force_curve(design, press, np.linspace(0.0, deepest, FORCE_DEPTHS))
+    press = solved_press(contact_of(design), max_depth_mm=deepest)
+    curve = force_curve(press, np.linspace(0.0, deepest, FORCE_DEPTHS))
     return ModelHeader(
         kind=KIND,
         design_digest=data.design_digest,

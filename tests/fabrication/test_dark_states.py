@@ -156,7 +156,9 @@ def test_the_driver_s_signals_are_those_of_the_simulated_board() -> None:
 def test_a_lamp_s_flicker_is_removed_by_the_nearer_dark_states(flicker_hz: float) -> None:
     """Residues against their closed form, and against that of the dark state after each emitter alone."""
     lamp = {"noise.ambient_counts": 40.0, "noise.ambient_flicker": 0.3, "noise.flicker_hz": flicker_hz}
-    readout = Readout(counts_per_flux=54_500.0, full_scale_counts=1023.0)
+    readout = Readout(
+        counts_per_flux=54_500.0, full_scale_counts=1023.0, read_noise_counts=0.5, relative_noise=0.003
+    )
     flux = np.full((3000, 8, 8), 300 / 54_500.0)
     left, apart_s = {}, 0.0
     for dark in ("frame", "each"):
@@ -176,7 +178,9 @@ def test_a_lamp_s_flicker_is_removed_by_the_nearer_dark_states(flicker_hz: float
 
 @pytest.mark.parametrize("quantised_readings", [True, False])
 def test_the_noise_of_a_signal_has_the_mean_of_two_dark_readings(quantised_readings: bool) -> None:
-    readout = Readout(counts_per_flux=54_500.0, full_scale_counts=1023.0)
+    readout = Readout(
+        counts_per_flux=54_500.0, full_scale_counts=1023.0, read_noise_counts=0.5, relative_noise=0.003
+    )
     flux = np.full((4000, 8, 8), 300.3 / 54_500.0)
     found = {}
     for dark in ("frame", "each"):

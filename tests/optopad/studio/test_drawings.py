@@ -79,7 +79,9 @@ class Words(HTMLParser):
 
 
 def curves(*pairs: JudgedPair) -> PlaceCurves:
-    readout = Readout(counts_per_flux=np.full(8, 1e5), full_scale_counts=1023.0)
+    readout = Readout(
+        counts_per_flux=np.full(8, 1e5), full_scale_counts=1023.0, read_noise_counts=0.5, relative_noise=0.003
+    )
     return PlaceCurves(place_mm=(11.0, 20.0), readout=readout, pairs=pairs, is_draft=True)
 
 

@@ -13,6 +13,7 @@ from optopad.sims.contact.library.live_press import fit_press, tributary_areas
 from optopad.sims.contact.library.solved_press import SolvedPress
 from optopad.sims.contact.mesh import shared_out
 from optopad.sims.contact.pressure import FEWEST_SPACINGS, contact_pressure
+from optopad.sims.contact.scope import contact_of
 
 PAD = preset("piacenza2017-pad")
 TWELFTH = 1.0 / 12.0
@@ -20,7 +21,7 @@ TWELFTH = 1.0 / 12.0
 
 @pytest.fixture(scope="module")
 def pad_press() -> SolvedPress:
-    return solved_press(PAD)
+    return solved_press(contact_of(PAD))
 
 
 @pytest.mark.parametrize("depth_mm", [0.75, 1.0, 1.37, 2.0, 3.0, 4.2, 5.0])
@@ -41,7 +42,7 @@ def test_the_pressure_ends_at_the_contact_edge(pad_press: SolvedPress) -> None:
 
 
 def test_pressure_is_proportional_to_the_modulus(pad_press: SolvedPress) -> None:
-    stiffer = solved_press(PAD.with_(**{"elastomer.youngs_modulus_mpa": 2.0}))
+    stiffer = solved_press(contact_of(PAD.with_(**{"elastomer.youngs_modulus_mpa": 2.0})))
     twice = contact_pressure(stiffer, 2.0).pressure_mpa
     assert twice == pytest.approx(2.0 * contact_pressure(pad_press, 2.0).pressure_mpa, rel=1e-12)
 
@@ -88,7 +89,7 @@ def test_nodal_forces_add_up_to_the_press_force_and_a_shallow_press_has_hertz_pr
         carried = float(np.sum(unit.normal_force[index] * height_share))
         assert carried == pytest.approx(float(unit.force[index]), rel=0.01)  # measured: 0.14 %, facets
         assert np.all(unit.normal_force[index] >= 0.0)
-    press = SolvedPress(smooth=fit_press(unit), tip_radius_mm=1.0, youngs_modulus_mpa=1.0)
+    press = SolvedPress(smooth=fit_press(unit), tip_radius_mm=1.0, modulus=contact_of(PAD).draft.modulus)
     found, edge_mm = contact_pressure(press, depths[-1]), press.at(depths[-1]).contact_radius_mm
     ratio = found.radius_mm / edge_mm
     hertz = np.sqrt(np.maximum(1.0 - ratio**2, 0.0))
