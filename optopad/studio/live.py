@@ -36,7 +36,6 @@ from optopad.design.spec import SensorDesign
 from optopad.fabrication.driver.check import check_frames
 from optopad.fabrication.driver.descriptor import Descriptor, descriptor_of
 from optopad.fabrication.driver.link.frames import US_PER_S, Frame, normalised
-from optopad.fabrication.driver.link.link import require_digest
 from optopad.fabrication.driver.sensor import Sensor
 from optopad.fabrication.driver.stream import LinkCounts
 from optopad.fabrication.driver.touch_reader import Touch, TouchReader
@@ -220,12 +219,11 @@ class LiveSensor:
     model : file of a trained model of this design; if None, no touch is estimated
     bundles : folder of the bundles; the design's bundle provides the expected pattern if it exists
     seed : seed of the simulated board
-    accept_digest : first 8 or more digits of the digest of another design that is also accepted
     patience_s : longest wait for the board when its port is opened [s]; None for the driver's default
 
     Raises
     ------
-    InputError, DesignError : the model is damaged or of another design, or the digits match no design.
+    InputError, DesignError : the model is damaged or of another design.
     """
 
     def __init__(
@@ -236,14 +234,11 @@ class LiveSensor:
         model: Path | None,
         bundles: Path,
         seed: int = 0,
-        accept_digest: str | None = None,
         patience_s: float | None = None,
     ) -> None:
         self._config = source_of(design, bundles).config
         self._said: Descriptor = descriptor_of(self._config)
         self._model = None if model is None else fitting_model(model, self._config)
-        require_digest(accept_digest)
-        self._accept_digest = accept_digest
         self._patience_s = patience_s
         self._port = port
         self._board = BoardProcess(design, bundles, seed, self._say) if port == FAKE else None
@@ -346,7 +341,6 @@ class LiveSensor:
         opened = Sensor(
             self._config,
             port,
-            accept_digest=self._accept_digest,
             baseline_s=0.0,
             patience_s=self._patience_s,
             on_wait=self._say,

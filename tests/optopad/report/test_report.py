@@ -20,7 +20,7 @@ from optopad.report.sections.closing import WRITTEN_LAST
 from optopad.report.sections.drawings import drawings_of, shown_pairs
 from optopad.report.sections.load import force_section
 from optopad.report.words import governing, ranked
-from optopad.screen.verdict import verdict_screen
+from optopad.screen.verdict import answer_of
 from optopad.screen.verdict_sentences import fix_words, sentences_of, tool_words
 from optopad.sims.contact.force_curve import PIACENZA_2017, published_load
 from optopad.sims.score.result import ContinuityScore
@@ -297,7 +297,7 @@ FOUND = Trial(
 
 def test_the_next_command_makes_the_move_that_helps():
     command = "pad.toml --set receivers.height_mm=6"
-    lines = verdict_screen(PAD, replace(dead_score(), trial=FOUND), [], command=command)
+    lines = answer_of(PAD, replace(dead_score(), trial=FOUND), "").lines([], command=command)
     said = " ".join(" ".join(lines).split())
     assert (
         "next optopad score pad.toml --set receivers.height_mm=5.1 "
@@ -305,7 +305,7 @@ def test_the_next_command_makes_the_move_that_helps():
     ) in said
     assert sentences_of(PAD, replace(dead_score(), trial=FOUND)).fix == fix_words(FOUND)
     more = replace(FOUND, found="more parts", moves=(MORE,))
-    lines = verdict_screen(PAD, replace(dead_score(), trial=more), [], command="pad.toml")
+    lines = answer_of(PAD, replace(dead_score(), trial=more), "").lines([], command="pad.toml")
     assert "optopad improve pad.toml --more-parts" in " ".join(" ".join(lines).split())
 
 
