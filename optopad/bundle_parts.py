@@ -6,7 +6,7 @@ A part that a bundle already has from the same inputs is not made again (`optopa
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +25,16 @@ if TYPE_CHECKING:
 
 ANSWER = Path("sims", "answer.json")
 """File of a bundle with the texts of the screen (`optopad.screen.answer`)."""
+CONTACT_PLOTS = (
+    "layout",
+    "force",
+    "contact-radius",
+    "force-near",
+    "load-protocol",
+    "load-time",
+    "map-by-depth-load",
+)
+"""Plots of a report's page that show the pad's shape and the load of a press."""
 
 
 def mold_part(design: SensorDesign, bed_mm: Bed | None = None, *, slice_parts: bool = False) -> Part:
@@ -60,6 +70,23 @@ def answer_part(
     return Part(inputs | {"program": program_digest()}, ("sims/", "fabrication/", "report.html"))
 
 
+def contact_part(design: SensorDesign, *, fine: bool = False, full: bool = False) -> Part:
+    """The plots of a report's page that show the pad's shape and the load of a press, as a part of a bundle.
+
+    Parameters
+    ----------
+    fine, full : settings of the score, which set the locations of the map
+    """
+    inputs = {
+        "surface": design.surface_digest,
+        "measured": sorted(design.measured),
+        "fine": fine,
+        "full": full,
+    }
+    files = tuple(f"sims/plot-{name}.svg" for name in CONTACT_PLOTS)
+    return Part(inputs | {"program": program_digest()}, files)
+
+
 def checks_of(folder: Path) -> dict[str, Any]:
     """The checks of the mold in the folder of its files."""
     checks: dict[str, Any] = json.loads((folder / "checks.json").read_text(encoding="utf-8"))
@@ -80,6 +107,7 @@ def scored(
     seed: int,
     on_step: OnStep,
     with_page: bool,
+    done: Sequence[str] = (),
     full: bool = False,
     builds: int | None = None,
     memo: FinishedWork | None = None,
@@ -92,6 +120,7 @@ def scored(
     ----------
     drawer : a process of `optopad.report`
     with_page : whether to make these drawings
+    done : plots in the folder that are not drawn again
     builds : number of units in a Monte Carlo over manufacturing tolerances; None for none
     memo : store of its finished units
     """
@@ -108,7 +137,13 @@ def scored(
         (sims / f"builds.{kind}").unlink(missing_ok=True)
     score = judge(design, fine=fine, full=full, seed=seed, tolerance=False, on_step=on_step)
     early: Callable[[], bytes | None] = drawer.begin(
-        "write_early", design, score, sims, seed=seed, with_page=with_page
+        "write_early",
+        design,
+        score,
+        sims,
+        [folder / name for name in done],
+        seed=seed,
+        with_page=with_page,
     )
     if builds is None:
         found = with_tolerance(design, score, seed=seed, on_step=on_step)

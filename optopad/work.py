@@ -21,7 +21,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO, cast
 from weakref import WeakSet
 
 from optopad.design.errors import InputError
@@ -79,6 +79,8 @@ class OtherProcess:
 
     def __init__(self, process: subprocess.Popen[str]) -> None:
         self._process = process
+        self._requests = cast(TextIO, process.stdin).buffer
+        self._results = cast(TextIO, process.stdout).buffer
 
     def begin(self, function: str, *arguments: Any, **settings: Any) -> Callable[[], Any]:
         """Begin a call of one of the functions that the process serves.
@@ -86,16 +88,14 @@ class OtherProcess:
         The returned function waits for the result and returns it, or raises the call's error. Results are requested in
         the order of the calls.
         """
-        assert self._process.stdin is not None
         with suppress(BrokenPipeError):  # `_result` reports that the process has ended
-            pickle.dump((function, arguments, settings), self._process.stdin.buffer)
-            self._process.stdin.buffer.flush()
+            pickle.dump((function, arguments, settings), self._requests)
+            self._requests.flush()
         return self._result
 
     def _result(self) -> Any:
-        assert self._process.stdout is not None
         try:
-            made, failure = pickle.load(self._process.stdout.buffer)
+            made, failure = pickle.load(self._results)
         except EOFError:
             _, message = self._process.communicate()
             raise RuntimeError(
@@ -132,11 +132,12 @@ def serve(*functions: Callable[..., Any]) -> None:
             name, arguments, settings = pickle.load(requests)
         except EOFError:
             return
+        made, failure = None, None
         try:
-            outcome = by_name[name](*arguments, **settings), None
+            made = by_name[name](*arguments, **settings)
         except Exception as err:  # all: the other process raises it
-            outcome = None, err
-        pickle.dump(outcome, results)
+            failure = err
+        pickle.dump((made, failure), results)
         results.flush()
 
 

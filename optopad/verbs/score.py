@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from optopad.bundle_parts import ANSWER, answer_part, scored, write_pages
+from optopad.bundle_parts import ANSWER, answer_part, contact_part, scored, write_pages
 from optopad.cli.verb import Asked, verb
 from optopad.design.errors import InputError
 from optopad.design.progress import OnStep
 from optopad.design.rules.check import require_valid
 from optopad.design.spec import SensorDesign
-from optopad.fabrication.bundle import bundle, bundle_name
+from optopad.fabrication.bundle import bundle, bundle_name, current_files
 from optopad.screen.answer import Answer, labelled, learner_words
 from optopad.screen.output import Told, foretell_score
 from optopad.screen.score import Score
@@ -105,9 +105,13 @@ def _written(
     require_valid(design)
     name = bundle_name(design)
     has_page = (out / name / "report.html").exists()  # a bundle has one verdict: its page is made anew
-    part = answer_part(design, seed, fine=fine, full=full, builds=builds, has_page=has_page)
+    contact = contact_part(design, fine=fine, full=full)
+    answer = answer_part(design, seed, fine=fine, full=full, builds=builds, has_page=has_page)
     memo = None if builds is None else FinishedWork(out, f"{name}.builds", [design.digest, seed])
-    with bundle(design, out, seed=seed, parts=(part,)) as folder, beside("optopad.report") as drawer:
+    with (
+        bundle(design, out, seed=seed, parts=(contact, answer)) as folder,
+        beside("optopad.report") as drawer,
+    ):
         score, early = scored(
             design,
             folder,
@@ -117,6 +121,7 @@ def _written(
             seed=seed,
             on_step=on_step,
             with_page=has_page,
+            done=current_files(folder, contact),
             builds=builds,
             memo=memo,
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,7 +12,7 @@ from optopad.design.shape.cavity import cavity_of
 from optopad.design.spec import SensorDesign
 from optopad.report.scenes.map_scene import MapScene
 from optopad.report.scenes.ray_scene import RayScene, ray_scene
-from optopad.report.sections.drawings import Drawing, drawings_without_tolerance
+from optopad.report.sections.drawings import PREFIX, Drawing, drawings_without_tolerance
 from optopad.report.sections.maps import map_scene
 from optopad.sims.readings.readout import save_dataset, signals_dataset
 from optopad.sims.score.maps_file import maps_dataset
@@ -34,29 +35,46 @@ class EarlyDrawings:
     light: RayScene | str | None
 
 
-def early_drawings(design: SensorDesign, score: ContinuityScore, *, seed: int) -> EarlyDrawings:
+def early_drawings(
+    design: SensorDesign, score: ContinuityScore, *, seed: int, done: Mapping[str, str] | None = None
+) -> EarlyDrawings:
     """All drawings that a score has data for, except those of its tolerance.
 
     Parameters
     ----------
     seed : seed of the random paths of light
+    done : SVG texts of plots that are there already, by name
     """
     maps = map_scene(design, score)
-    drawings = drawings_without_tolerance(design, score, maps)
+    drawings = drawings_without_tolerance(design, score, maps, done)
     return EarlyDrawings(drawings=drawings, maps=maps, light=_light(design, score, seed))
 
 
 def write_early(
-    design: SensorDesign, score: ContinuityScore, sims: Path, *, seed: int, with_page: bool
+    design: SensorDesign,
+    score: ContinuityScore,
+    sims: Path,
+    done: Sequence[Path],
+    *,
+    seed: int,
+    with_page: bool,
 ) -> bytes | None:
-    """Write the data sets of a score, and make its early drawings if `with_page`; they are returned pickled."""
+    """Write the data sets of a score, and make its early drawings if `with_page`; they are returned pickled.
+
+    Parameters
+    ----------
+    done : plots in the bundle that need not be drawn again
+    """
     if score.pad_signals is not None and score.readout is not None:
         gain = score.readout.counts_per_flux
         save_dataset(
             signals_dataset(score.pad_signals, cavity_of(design), counts_per_flux=gain), sims / "signals.nc"
         )
         save_dataset(maps_dataset(design, score), sims / "maps.nc")
-    return pickle.dumps(early_drawings(design, score, seed=seed)) if with_page else None
+    if not with_page:
+        return None
+    texts = {file.stem.removeprefix(PREFIX): file.read_text(encoding="utf-8") for file in done}
+    return pickle.dumps(early_drawings(design, score, seed=seed, done=texts))
 
 
 def _light(design: SensorDesign, score: ContinuityScore, seed: int) -> RayScene | str | None:
