@@ -21,8 +21,6 @@ import cadquery as cq
 import numpy as np
 
 from optopad.cad.checks import Checks, PartFile, check_parts, with_slices
-from optopad.cad.indenter_tip import indenter_tip
-from optopad.cad.leveling_blade import leveling_blade
 from optopad.cad.lid import lid, lid_size, turned_over
 from optopad.cad.mesh import (
     CHORD_MM,
@@ -35,8 +33,7 @@ from optopad.cad.mesh import (
     threemf_bytes,
 )
 from optopad.cad.mold import build_mold, part_mold
-from optopad.cad.pour_gauge import pour_gauge
-from optopad.cad.solder_jig import solder_jig
+from optopad.cad.tools import indenter_tip, leveling_blade, pour_gauge, solder_jig
 from optopad.design.file_sets import written_together
 from optopad.design.files import temporary_folder
 from optopad.design.mold.outline import bed_lift_mm, outline_of

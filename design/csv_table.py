@@ -15,10 +15,11 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from optopad.design.errors import InputError, OptopadError, shown
+from optopad.design.errors import DesignError, InputError, shown
 from optopad.design.files import read_text
 
 DECIMAL_COMMA = "decimal comma? write 8.9, and separate by commas"
+MOST_CURVE_BYTES = 1_000_000
 MOST_BYTES = 500_000_000
 _COMMA_NUMBER = re.compile(r"[+-]?\d+,\d+")
 _WITH_UNIT = re.compile(r"[+-]?[\d.]+(?:[eE][+-]?\d+)?\s*[^\W\d_]+")
@@ -46,7 +47,6 @@ class CsvTable:
     rows : cells of each row below the heading, one per column
     lines : line number of each row in the file, counted from 1
     remarks : lines that begin with #
-    error : exception class to raise for an invalid cell
     """
 
     file: Path
@@ -54,7 +54,6 @@ class CsvTable:
     rows: tuple[tuple[str, ...], ...]
     lines: tuple[int, ...]
     remarks: tuple[str, ...]
-    error: type[OptopadError] = InputError
 
     def column(self, name: str) -> list[str]:
         """The cells of a column, from top to bottom."""
@@ -84,7 +83,7 @@ class CsvTable:
 
         Raises
         ------
-        OptopadError : a cell is not a finite number; the message names row, column and value.
+        InputError : a cell is not a finite number; the message names row, column and value.
         """
         return self.parsed(name, float, "a finite number")
 
@@ -98,7 +97,7 @@ class CsvTable:
 
         Raises
         ------
-        OptopadError : a cell is not a finite number; the message names row, column and value.
+        InputError : a cell is not a finite number; the message names row, column and value.
         """
         found = []
         for row, text in enumerate(self.column(name)):
@@ -108,7 +107,7 @@ class CsvTable:
                     raise ValueError
             except (ValueError, OverflowError):
                 way_out = _way_out(text) or "correct or drop the row"
-                raise self.error(
+                raise InputError(
                     f"{self.where(row)}: {name} is {shown(text)}, needs {needed}; {way_out}"
                 ) from None
             found.append(value)
@@ -122,7 +121,6 @@ def read_csv(
     fewest_rows: int = 1,
     lower: bool = False,
     most_bytes: int = MOST_BYTES,
-    error: type[OptopadError] = InputError,
 ) -> CsvTable:
     """Read a CSV table with a heading.
 
@@ -132,21 +130,20 @@ def read_csv(
     fewest_rows : minimum number of rows below the heading
     lower : whether column names are converted to lower-case words with underscores: "Force (N)" becomes force_n
     most_bytes : file size above which the file is refused without being read
-    error : exception class to raise
 
     Raises
     ------
-    OptopadError : the file is not text, or has a separator other than commas, too few rows, a row whose length differs
+    InputError : the file is not text, or has a separator other than commas, too few rows, a row whose length differs
         from the heading's, or a duplicate column.
     """
-    text = read_text(file, needed=needed, most_bytes=most_bytes, error=error)
+    text = read_text(file, needed=needed, most_bytes=most_bytes)
     remarks: list[str] = []
     numbered: list[tuple[int, list[str]]] = []
     lines = text.split("\n")
     for number, line in enumerate(lines, start=1):
         if number == 1 and re.fullmatch(r"sep=.?", line.strip(), re.IGNORECASE):
             if line.strip()[4:] not in (",", ""):
-                raise error(f"{file}: row 1 is {shown(line.strip())}; {DECIMAL_COMMA}")
+                raise InputError(f"{file}: row 1 is {shown(line.strip())}; {DECIMAL_COMMA}")
             continue
         if line.lstrip('" \t').startswith("#"):
             remarks.append(line.strip('",; \t'))
@@ -158,21 +155,21 @@ def read_csv(
     heading = _without_last_empty(numbered[0][1]) if numbered else []
     for sign, name in _OTHER_SEPARATORS.items():
         if any(sign in cell for cell in heading):
-            raise error(f"{file}: its values are separated by {name}; {DECIMAL_COMMA}")
+            raise InputError(f"{file}: its values are separated by {name}; {DECIMAL_COMMA}")
     if heading and all(map(is_number, heading)):
-        raise error(
+        raise InputError(
             f"{file}: row {numbered[0][0]} has numbers and no heading; write the names of its columns first"
         )
     heading = [plain_name(name) for name in heading] if lower else heading
     if len(numbered) <= fewest_rows:
         counted = "a row" if fewest_rows == 1 else f"{fewest_rows} rows"
-        raise error(
+        raise InputError(
             f"{file}: {max(len(numbered) - 1, 0)} rows below the heading, needs at least {counted}; needs {needed}"
         )
     if doubled := sorted({name for name in heading if heading.count(name) > 1}):
-        raise error(f"{file}: has the column {', '.join(map(repr, doubled))} twice; keep one")
+        raise InputError(f"{file}: has the column {', '.join(map(repr, doubled))} twice; keep one")
     rows = [
-        (number, _fitted(cells, heading, f"{file}: row {number}", error, is_torn=number == len(lines)))
+        (number, _fitted(cells, heading, f"{file}: row {number}", is_torn=number == len(lines)))
         for number, cells in numbered[1:]
     ]
     return CsvTable(
@@ -181,17 +178,13 @@ def read_csv(
         rows=tuple(cells for _, cells in rows),
         lines=tuple(number for number, _ in rows),
         remarks=tuple(remarks),
-        error=error,
     )
 
 
-def numbered_points(
-    file: Path, *, needed: str, most_bytes: int = 1_000_000, error: type[OptopadError] = InputError
-) -> list[tuple[int, tuple[float, float]]]:
+def numbered_points(file: Path, *, needed: str) -> list[tuple[int, tuple[float, float]]]:
     """Read the points of a curve from a file with two numbers per row; a heading is optional.
 
-    The two numbers have a decimal point and are separated by a comma, a semicolon or blanks. Parameters are as in
-    `read_csv`.
+    The two numbers have a decimal point and are separated by a comma, a semicolon or blanks.
 
     Returns
     -------
@@ -199,23 +192,23 @@ def numbered_points(
 
     Raises
     ------
-    OptopadError : the file has fewer than two points, or a row without two finite numbers.
+    DesignError : the file has fewer than two points, or a row without two finite numbers.
     """
     found: list[tuple[int, tuple[float, float]]] = []
-    text = read_text(file, needed=needed, most_bytes=most_bytes, error=error)
+    text = read_text(file, needed=needed, most_bytes=MOST_CURVE_BYTES, error=DesignError)
     for number, line in enumerate(text.split("\n"), start=1):
         words = [word for word in re.split(r"[\s,;]+", line.strip()) if word]
         if not words or words[0].startswith("#") or (not found and not is_number(words[0])):
             continue
         if len(words) != 2 or not all(map(is_number, words)):
             hint = DECIMAL_COMMA if len(words) > 2 and all(map(is_number, words)) else "write it as 1.5, 0.4"
-            raise error(f"{file}: row {number}: {shown(line.strip())} is no pair of numbers; {hint}")
+            raise DesignError(f"{file}: row {number}: {shown(line.strip())} is no pair of numbers; {hint}")
         pair = float(words[0]), float(words[1])
         if not all(map(math.isfinite, pair)):
-            raise error(f"{file}: row {number}: {shown(line.strip())}: numbers must be finite")
+            raise DesignError(f"{file}: row {number}: {shown(line.strip())}: numbers must be finite")
         found.append((number, pair))
     if len(found) < 2:
-        raise error(f"{file}: has {len(found)} points, needs at least 2; needs {needed}")
+        raise DesignError(f"{file}: has {len(found)} points, needs at least 2; needs {needed}")
     return found
 
 
@@ -254,9 +247,7 @@ def _without_last_empty(cells: list[str]) -> list[str]:
     return cells[: max((k for k, cell in enumerate(cells, start=1) if cell), default=0)]
 
 
-def _fitted(
-    cells: list[str], heading: Sequence[str], where: str, error: type[OptopadError], *, is_torn: bool
-) -> tuple[str, ...]:
+def _fitted(cells: list[str], heading: Sequence[str], where: str, *, is_torn: bool) -> tuple[str, ...]:
     """The cells of a row without empty ones after the last column; an error if their number is wrong."""
     found = cells if len(cells) <= len(heading) else _without_last_empty(cells)
     found += [""] * (len(heading) - len(found)) if len(cells) >= len(heading) else []
@@ -267,7 +258,7 @@ def _fitted(
         way_out = "the file ends within this row: drop it"
     if len(found) > len(heading) and all(is_number(cell) for cell in found if cell):
         way_out = DECIMAL_COMMA
-    raise error(f"{where} has {len(found)} values, the heading {len(heading)} columns; {way_out}")
+    raise InputError(f"{where} has {len(found)} values, the heading {len(heading)} columns; {way_out}")
 
 
 def _way_out(text: str) -> str | None:

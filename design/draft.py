@@ -6,13 +6,22 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from optopad.design.circuit.circuit import Circuit
+from optopad.design.fields.quantity import Quantity
 from optopad.design.mold.outline import MoldOutline, outline_of
+from optopad.design.once import once
 from optopad.design.parts.catalog import CatalogEntries, Elastomer
 from optopad.design.shape.cavity import CavityGeometry, Plan, cavity_of, plan_of, workspace_of
 from optopad.design.shape.outline import Outline
 from optopad.design.spec import SensorDesign
 from optopad.design.spec.layout import Placement, expand
-from optopad.design.spec.properties import elastomer_of, entries_of
+from optopad.design.spec.properties import (
+    absorption_db_per_cm,
+    elastomer_of,
+    entries_of,
+    modulus,
+    refractive_index,
+    wall_index,
+)
 
 
 @dataclass(frozen=True)
@@ -25,6 +34,11 @@ class Draft:
 
     design: SensorDesign
 
+    @classmethod
+    def of(cls, design: SensorDesign) -> Draft:
+        """The draft of a design, which all that ask for it share."""
+        return _draft_of(design)
+
     @cached_property
     def entries(self) -> CatalogEntries:
         """The packaged catalogue with the design's own entries."""
@@ -34,6 +48,26 @@ class Draft:
     def elastomer(self) -> Elastomer:
         """Catalogue entry of the clear elastomer."""
         return elastomer_of(self.design)
+
+    @cached_property
+    def modulus(self) -> Quantity:
+        """Young's modulus of the elastomer [MPa]."""
+        return modulus(self.design)
+
+    @cached_property
+    def refractive_index(self) -> Quantity:
+        """Refractive index of the clear elastomer for the default emitter's light [-]."""
+        return refractive_index(self.design)
+
+    @cached_property
+    def absorption_db_per_cm(self) -> Quantity:
+        """Absorption coefficient of the clear elastomer [dB/cm]."""
+        return absorption_db_per_cm(self.design)
+
+    @cached_property
+    def wall_index(self) -> Quantity | None:
+        """Refractive index of the material behind smooth walls [-]; None for walls that reflect diffusely."""
+        return wall_index(self.design)
 
     @cached_property
     def places(self) -> tuple[Placement, ...]:
@@ -64,3 +98,6 @@ class Draft:
     def circuit(self) -> Circuit:
         """The electronics."""
         return Circuit.of(self.design)
+
+
+_draft_of = once(Draft)

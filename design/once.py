@@ -8,8 +8,8 @@ from typing import Generic, TypeVar
 
 Design = TypeVar("Design")
 Resolved = TypeVar("Resolved")
-KEPT = 32
-"""Number of designs whose results are kept."""
+KEPT = 128
+"""Number of designs whose results are kept: more than the variants of a design that one score judges."""
 
 
 class _Same(Generic[Design]):

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 from optopad.design.draft import Draft
 from optopad.design.fields.finding import Finding
-from optopad.design.rules.check import check, require_valid
+from optopad.design.once import once
+from optopad.design.rules.check import require_valid
 from optopad.design.spec import SensorDesign
 
 
@@ -25,11 +26,17 @@ class Pad(Draft):
 
     @classmethod
     def of(cls, design: SensorDesign) -> Pad:
-        """The pad of a design, whose rules are checked once.
+        """The pad of a design, whose rules are checked once; all that ask for it share it.
 
         Raises
         ------
         DesignError : the design has errors; the message lists all of them.
         """
-        require_valid(design)
-        return cls(design, check(design))
+        return _pad_of(design)
+
+
+@once
+def _pad_of(design: SensorDesign) -> Pad:
+    pad = Pad(design, require_valid(design))
+    vars(pad).update(vars(Draft.of(design)))  # what the rules resolved
+    return pad

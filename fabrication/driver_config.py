@@ -15,7 +15,7 @@ import tomlkit
 from tomlkit.items import AoT, Table
 
 from optopad.design.arrays import FloatArray
-from optopad.design.circuit import link
+from optopad.design.circuit import circuit as electronics
 from optopad.design.circuit.circuit import Circuit
 from optopad.design.circuit.transimpedance import feedbacks_of
 from optopad.design.pad import Pad
@@ -41,8 +41,8 @@ from optopad.fabrication.driver_file import (
     Units,
     WorkspaceLimits,
     content_sha256,
+    plain_of,
 )
-from optopad.fabrication.record import plain_of
 from optopad.fabrication.sketch import firmware_gaps, firmware_settings
 
 HEADING = (
@@ -158,7 +158,7 @@ CHIP_PINS = {"M": "address_pins", "S": "shift_pins", "U": "select_pins", "L": "d
 
 def _board(circuit: Circuit) -> BoardSetup:
     use, board = circuit.use, circuit.board
-    made_baud = link.made_baud(board.clock_hz, use.baud) if board.divides_clock else float(use.baud)
+    made_baud = electronics.made_baud(board.clock_hz, use.baud) if board.divides_clock else float(use.baud)
     chips: dict[str, Any] = {CHIP_PINS[one.entry.letter]: one.pins for one in circuit.chips}
     chips |= {
         CHIP_NAMES[one.entry.letter]: one.entry.name
@@ -176,7 +176,7 @@ def _board(circuit: Circuit) -> BoardSetup:
         settle_us=use.settle_us,
         baud=use.baud,
         made_baud=made_baud,
-        baud_error=link.baud_error(board.clock_hz, use.baud) if board.divides_clock else 0.0,
+        baud_error=electronics.baud_error(board.clock_hz, use.baud) if board.divides_clock else 0.0,
         link_number=board.link_number,
         usb_ids=tuple(board.usb_ids),
         bridge_usb_ids=tuple(board.bridge_usb_ids),
@@ -188,32 +188,37 @@ def _board(circuit: Circuit) -> BoardSetup:
 
 
 def _frame(circuit: Circuit) -> FrameLayout:
-    head = link.MAGIC_BYTES + link.VERSION_BYTES + link.SEQUENCE_BYTES + link.TIME_BYTES
+    head = (
+        electronics.MAGIC_BYTES
+        + electronics.VERSION_BYTES
+        + electronics.SEQUENCE_BYTES
+        + electronics.TIME_BYTES
+    )
     return FrameLayout(
         order=("state", "receiver"),
         states=circuit.state_count,
         receivers=circuit.receiver_count,
         readings=circuit.state_count * circuit.receiver_count,
         bits_per_reading=circuit.adc.bits,
-        magic_bytes=link.MAGIC_BYTES,
-        version_bytes=link.VERSION_BYTES,
-        sequence_bytes=link.SEQUENCE_BYTES,
-        time_bytes=link.TIME_BYTES,
-        check_bytes=link.CHECK_BYTES,
-        reading_bytes=circuit.frame_bytes - head - link.CHECK_BYTES,
+        magic_bytes=electronics.MAGIC_BYTES,
+        version_bytes=electronics.VERSION_BYTES,
+        sequence_bytes=electronics.SEQUENCE_BYTES,
+        time_bytes=electronics.TIME_BYTES,
+        check_bytes=electronics.CHECK_BYTES,
+        reading_bytes=circuit.frame_bytes - head - electronics.CHECK_BYTES,
         total_bytes=circuit.frame_bytes,
     )
 
 
 def _timing(circuit: Circuit) -> TimingBudget:
     return TimingBudget(
-        conversion_us=circuit.adc.reading_ms * link.US_PER_MS,
+        conversion_us=circuit.adc.reading_ms * electronics.US_PER_MS,
         settle_us=circuit.use.settle_us,
         link_ms=circuit.sending_ms,
         frame_ms=circuit.frame_ms,
         possible_hz=circuit.frame_rate_hz,
         wanted_hz=circuit.use.frame_rate_hz,
-        switch_us=circuit.switch_ms * link.US_PER_MS or None,
+        switch_us=circuit.switch_ms * electronics.US_PER_MS or None,
     )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from optopad.design.arrays import FloatArray
 from optopad.design.circuit.circuit import Circuit
-from optopad.design.circuit.transimpedance import Feedback, feedbacks_of, full_scale_counts
+from optopad.design.circuit.transimpedance import Feedback, feedbacks_of
 from optopad.design.shape.cavity import pair_name
 from optopad.design.spec import SensorDesign
 
@@ -43,7 +43,7 @@ class SimulatedGain:
 
     def untouched_readings(self, design: SensorDesign) -> Floats:
         """Readings of the untouched pad, limited to full scale; shape (emitters, receivers) [counts]."""
-        readings: Floats = np.minimum(self.untouched_counts(), full_scale_counts(design))
+        readings: Floats = np.minimum(self.untouched_counts(), Circuit.of(design).adc.full_scale_counts)
         return readings
 
 
@@ -81,7 +81,7 @@ def clipped_pairs(design: SensorDesign, gain: SimulatedGain) -> tuple[ClippedPai
     cavity, feedbacks = circuit.cavity, feedbacks_for(circuit, gain)
     factors = None if feedbacks is None else [one.gain_factor for one in feedbacks]
     counts = gain.untouched_counts(factors)
-    full_scale = full_scale_counts(design)
+    full_scale = Circuit.of(design).adc.full_scale_counts
     found = [
         ClippedPair(name=pair_name(cavity, (i, j)), counts=float(counts[i, j]))
         for i, j in np.argwhere(counts > full_scale)

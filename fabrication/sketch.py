@@ -17,8 +17,7 @@ from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 
-from optopad.design.circuit.circuit import Chips, Circuit
-from optopad.design.circuit.link import US_PER_S, baud_divisor
+from optopad.design.circuit.circuit import US_PER_S, Chips, Circuit, baud_divisor
 from optopad.design.errors import DesignError
 from optopad.design.io import write_text_atomically
 from optopad.design.pad import Pad

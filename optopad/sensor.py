@@ -138,14 +138,15 @@ def press_table(
 
 def simulated_gain(design: SensorDesign, *, seed: int, on_step: OnStep) -> SimulatedGain:
     """Gains, and light of the untouched pad, computed as by a score."""
-    from optopad.design.shape.cavity import cavity_of, judged_pairs, mask_of
+    from optopad.design.draft import Draft
+    from optopad.design.shape.cavity import judged_pairs, mask_of
     from optopad.fabrication.gain import SimulatedGain
     from optopad.sims.readings.readout import readout_of
     from optopad.sims.verdict.presses import untouched_flux
 
-    cavity = cavity_of(design)
-    flux = untouched_flux(design, cavity, seed=seed)
-    readout = readout_of(design, flux, mask_of(judged_pairs(cavity), cavity))
+    draft = Draft.of(design)
+    flux = untouched_flux(draft, seed=seed)
+    readout = readout_of(draft, flux, mask_of(judged_pairs(draft.cavity), draft.cavity))
     on_step("light", 0.0)
     return SimulatedGain(
         counts_per_flux=readout.of_each(flux.shape[1]), untouched_flux=tuple(map(tuple, flux.tolist()))
@@ -155,8 +156,10 @@ def simulated_gain(design: SensorDesign, *, seed: int, on_step: OnStep) -> Simul
 def _simulated_table(design: SensorDesign, gain: SimulatedGain, *, seed: int, on_step: OnStep) -> PressTable:
     import numpy as np
 
+    from optopad.design.draft import Draft
     from optopad.design.shape.cavity import cavity_of
     from optopad.sims.contact.indentation import solved_press
+    from optopad.sims.contact.scope import contact_of
     from optopad.sims.optics.tracing import trace
     from optopad.sims.verdict.pad_map import COARSE_PLACES, grid_places_mm, map_grid_mm
     from optopad.sims.verdict.presses import states_of
@@ -165,9 +168,9 @@ def _simulated_table(design: SensorDesign, gain: SimulatedGain, *, seed: int, on
     depths = np.array(sorted({*(depth for depth in TABLE_DEPTHS_MM if depth < deepest), deepest}))
     places = grid_places_mm(cavity.workspace, *map_grid_mm(cavity, COARSE_PLACES))
     states = states_of(places, depths)
-    solved_press(design, max_depth_mm=deepest, on_step=lambda share: on_step("contact", share))
+    solved_press(contact_of(design), max_depth_mm=deepest, on_step=lambda share: on_step("contact", share))
     light = trace(
-        design,
+        Draft.of(design),
         states,
         accuracy=TABLE_ACCURACY,
         seed=seed,

@@ -25,9 +25,10 @@ from typing import Literal
 import numpy as np
 
 from optopad.design.arrays import FloatArray
+from optopad.design.draft import Draft
 from optopad.design.spec import SensorDesign
+from optopad.sims.optics.accuracy import LightSignals
 from optopad.sims.optics.engine.trace_states import Accuracy
-from optopad.sims.optics.light_signals import LightSignals
 from optopad.sims.optics.paths import LOST as NO_RECEIVER
 from optopad.sims.optics.paths import LightPath, LightWalker
 from optopad.sims.optics.scene.lower import scene_of
@@ -318,7 +319,7 @@ def _light(design: SensorDesign, choice: RayChoice, rows: Sequence[Press]) -> Li
     scene = scene_of(design)
     mask = np.zeros((len(scene.emitter_wall), len(scene.receiver_wall)), dtype=np.bool_)
     mask[tuple(np.array(choice.pairs).T)] = True
-    return trace(design, np.array(rows), accuracy=choice.accuracy, seed=choice.seed, pairs=mask)
+    return trace(Draft.of(design), np.array(rows), accuracy=choice.accuracy, seed=choice.seed, pairs=mask)
 
 
 def _power(light: LightSignals, state: int, pairs: tuple[Pair, ...]) -> dict[str, FloatArray]:

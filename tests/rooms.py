@@ -58,7 +58,7 @@ FLOORS: dict[str, tuple[str, ...]] = {
         "compiled",
         "trace_states",
     ),
-    "sims/learning": ("inference", "samples", "fits", "calibration"),
+    "sims/learning": ("inference", "samples", "learners", "calibration"),
     "fabrication": ("driver_file", "sketch", "driver_config", "sheets", "ros2", "driver", "stage"),
     "fabrication/driver": ("link", "simulated", "recording", "stream", "sensor", "observations"),
     "optopad": ("work", "screen", "report", "bundle_parts", "sensor", "studio", "cli", "verbs", "api"),

@@ -35,7 +35,7 @@ from functools import cache
 
 from optopad.design.circuit.circuit import Circuit
 from optopad.design.parts.catalog import find_amplifier
-from optopad.design.parts.electronics import Amplifier
+from optopad.design.parts.circuits import Amplifier
 
 LEAST_SWING = 0.95
 """Least share of full scale that an amplifier's output must reach [-].

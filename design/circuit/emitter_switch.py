@@ -42,8 +42,7 @@ from optopad.design.circuit.circuit import Circuit
 from optopad.design.fields.quantity import Quantity
 from optopad.design.parts.assumptions import assumption, standard_at_least, standard_at_most
 from optopad.design.parts.catalog import Board, Part, find_amplifier, find_transistor
-from optopad.design.parts.circuits import ShiftRegister
-from optopad.design.parts.electronics import Transistor
+from optopad.design.parts.circuits import ShiftRegister, Transistor
 
 MA_PER_A = 1e3
 MW_PER_W = 1e3

@@ -50,8 +50,7 @@ from optopad.design.parts.assumptions import (
     standard_nearest,
 )
 from optopad.design.parts.catalog import Board, Part, find_amplifier
-from optopad.design.parts.electronics import Amplifier
-from optopad.design.spec import SensorDesign
+from optopad.design.parts.circuits import Amplifier
 
 NEAR_NM = 25.0
 """Largest distance from a responsivity's stated wavelength at which the value is used unchanged.
@@ -385,10 +384,3 @@ def _low(quantity: Quantity) -> float:
 
 def _high(quantity: Quantity) -> float:
     return quantity.value if quantity.high is None else quantity.high
-
-
-def full_scale_counts(design: SensorDesign) -> float:
-    """Largest reading [counts]: the converter's full scale, or less if the amplifiers' supply voltage is below it."""
-    adc = Circuit.of(design).adc
-    steps = 2**adc.bits
-    return float(min(steps - 1, math.floor(steps * adc.supply_v / adc.full_scale_v)))

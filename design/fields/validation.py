@@ -9,8 +9,7 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from optopad.design.errors import DesignError, shown
-from optopad.design.fields.base import IDENTIFIER_PATTERN, NAME_PATTERN, nearest
-from optopad.design.fields.sheet_names import sheet_name_hint
+from optopad.design.fields.base import IDENTIFIER_PATTERN, NAME_PATTERN, nearest, sheet_name_hint
 
 LISTED_FINDINGS = 20
 WORDED_FINDINGS = 50

@@ -21,13 +21,7 @@ from dataclasses import dataclass
 from functools import cache
 
 from optopad.design.fields.packaged import data_table
-from optopad.design.mold.lettering import (
-    OVERLAP,
-    Point,
-    Stroke,
-    strokes_of,
-    upper_edges_mm,
-)
+from optopad.design.mold.lettering import OVERLAP, Point, Stroke, strokes_of, upper_edges_mm
 from optopad.design.mold.sockets import Hole, Socket, WallFrame
 
 DEPTH_MM = 0.5

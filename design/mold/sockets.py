@@ -50,8 +50,8 @@ from optopad.design.parts.catalog import Part
 from optopad.design.shape.cavity import PlacedPart
 from optopad.design.shape.outline import Line
 from optopad.design.spec import Mold
-from optopad.design.spec.fits import clearance_mm, fit
 from optopad.design.spec.pad import WALLS
+from optopad.design.spec.properties import clearance_mm, fit
 
 NECK_MM = 1.5
 """Length of the neck of a wire slot, if the slot is at least twice as long."""

@@ -28,7 +28,7 @@ from optopad.design.fields.quantity import ROUNDING_MM
 from optopad.design.mold.outline import MoldOutline
 from optopad.design.mold.sockets import Cut, Hole, Socket, by_wall
 from optopad.design.spec import Mold
-from optopad.design.spec.fits import clearance_mm
+from optopad.design.spec.properties import clearance_mm
 
 LEDGE_MM = 0.1
 """Least distance of a lead hole from the edge of its pocket's floor."""

@@ -17,11 +17,7 @@ from pydantic import Field, model_validator
 
 from optopad.design.arrays import FloatArray
 from optopad.design.fields.base import Model
-from optopad.design.fields.quantity import (
-    Confidence,
-    Source,
-    Text,
-)
+from optopad.design.fields.quantity import Confidence, Source, Text
 
 MAX_POINTS = 400
 FLAT_FACE_LEAST_DEG = 40.0

@@ -12,11 +12,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from optopad.design.fields.base import Model
-from optopad.design.fields.quantity import (
-    Confidence,
-    Notes,
-    Text,
-)
+from optopad.design.fields.quantity import Confidence, Notes, Text
 
 PortBit = Annotated[str, Field(pattern=r"^[A-L][0-7]$")]
 """Letter of a port and number of a bit, such as H3."""

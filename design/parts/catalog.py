@@ -34,7 +34,7 @@ from pydantic import Field, ValidationError, model_validator
 from pydantic_core import ErrorDetails
 
 from optopad.design.errors import DesignError, shown
-from optopad.design.fields.base import Model, PartId
+from optopad.design.fields.base import Model, PartId, sheet_name_hint
 from optopad.design.fields.packaged import data_table
 from optopad.design.fields.quantity import (
     CapacitancePf,
@@ -58,18 +58,19 @@ from optopad.design.fields.quantity import (
     VoltageV,
     WavelengthNm,
 )
-from optopad.design.fields.sheet_names import sheet_name_hint
 from optopad.design.fields.validation import PATTERN_WORDS
 from optopad.design.parts.angular import AngularTable
 from optopad.design.parts.assumptions import assumption
 from optopad.design.parts.board_firmware import ArduinoProgram, BoardFirmware
 from optopad.design.parts.circuits import (
+    Amplifier,
     BoardChip,
     Chip,
     Converter,
     LedDriver,
     Multiplexer,
     ShiftRegister,
+    Transistor,
 )
 from optopad.design.parts.elastomer import (
     Cure,
@@ -80,7 +81,6 @@ from optopad.design.parts.elastomer import (
     refractive_index,
     youngs_modulus_mpa,
 )
-from optopad.design.parts.electronics import Amplifier, Transistor
 from optopad.design.parts.spectrum import Spectrum
 
 __all__ = [

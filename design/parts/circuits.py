@@ -18,12 +18,15 @@ from pydantic import Field, model_validator
 from optopad.design.fields.base import Model
 from optopad.design.fields.packaged import data_table
 from optopad.design.fields.quantity import (
+    BiasCurrentPa,
     Confidence,
     CurrentMa,
     FrequencyKhz,
     FrequencyMhz,
     Notes,
+    OutputMarginMv,
     ResistanceOhm,
+    SlewVPerUs,
     Text,
     TimeUs,
     Title,
@@ -488,3 +491,46 @@ def named_chip(use: object, kind: type[BoardChip]) -> str | None:
     """Identifier of the chips of one kind in a design's table `board`; None if the design has none."""
     _, side, key = kind.field.split(".")
     return getattr(getattr(use, side), key, None)
+
+
+class Amplifier(Chip):
+    """A package of operational amplifiers with one supply; each amplifier serves one receiver."""
+
+    channels: Annotated[int, Field(ge=1, le=8, description="amplifiers in one package")]
+    bandwidth_mhz: Annotated[FrequencyMhz, Field(description="gain-bandwidth product, typical")]
+    slew_v_per_us: Annotated[SlewVPerUs, Field(description="slew rate, typical")]
+    bias_current_pa: Annotated[
+        BiasCurrentPa,
+        Field(description="input bias current; its high end is compared with a count's current"),
+    ]
+    output_margin_mv: Annotated[OutputMarginMv, Field(description="supply less the largest output voltage")]
+    supply_ma: Annotated[CurrentMa, Field(description="supply current of one amplifier")]
+
+    @property
+    def most_bias_pa(self) -> float:
+        """Upper end of the input bias current [pA]."""
+        bias = self.bias_current_pa
+        return bias.value if bias.high is None else bias.high
+
+    def needed(self, receiver_count: int) -> int:
+        """Number of packages for this many receivers."""
+        return math.ceil(receiver_count / self.channels)
+
+
+class Transistor(Model):
+    """A bipolar NPN transistor that switches one emitter."""
+
+    title: Title
+    source: Annotated[Text, Field(description="where the plain numbers of this entry come from")]
+    confidence: Confidence
+    saturation_ma: Annotated[
+        CurrentMa,
+        Field(description="most collector current with stated saturation at a base current of a tenth"),
+    ]
+    most_collector_v: Annotated[float, Field(gt=0.0, le=1000.0, description="most collector voltage [V]")]
+    notes: Notes = ()
+
+    @property
+    def name(self) -> str:
+        """The title up to its first comma, such as 2N3904."""
+        return self.title.split(",")[0]

@@ -14,7 +14,7 @@ from optopad.design.errors import InputError
 from optopad.design.fields.base import Model, nearest
 from optopad.design.fields.quantity import CONFIDENCES, Confidence, Quantity
 from optopad.design.parts.catalog import Board, CatalogEntries, Elastomer, MoldMaterial, Part
-from optopad.design.parts.electronics import Amplifier
+from optopad.design.parts.circuits import Amplifier
 
 MOST_FIGURES = 4
 _TITLES = {"elastomers": "silicones", "mold_materials": "plastics"}

@@ -15,12 +15,7 @@ from pydantic import Field
 
 from optopad.design.fields.base import Model
 from optopad.design.fields.packaged import data_table
-from optopad.design.fields.quantity import (
-    Confidence,
-    Cost,
-    Source,
-    Text,
-)
+from optopad.design.fields.quantity import Confidence, Cost, Source, Text
 
 OHM_PER_UNIT = ((1e6, "M"), (1e3, "K"), (1.0, "R"))
 TENTHS = "9"

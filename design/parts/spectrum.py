@@ -39,14 +39,7 @@ from optopad.design.arrays import FloatArray
 from optopad.design.csv_table import numbered_points
 from optopad.design.errors import DesignError
 from optopad.design.fields.base import Model
-from optopad.design.fields.quantity import (
-    NM_PER_UM,
-    Confidence,
-    Quantity,
-    Source,
-    Text,
-    weakest,
-)
+from optopad.design.fields.quantity import NM_PER_UM, Confidence, Quantity, Source, Text, weakest
 
 CURVE_FILE = "curve_csv"
 CURVES = {
@@ -80,7 +73,7 @@ def with_curve(table: dict[str, Any], file: Path, kind: str) -> dict[str, Any]:
     if doubled := [name for name in (across, value) if name in table]:
         raise DesignError(f"{file}: {kind} has {doubled[0]} and {CURVE_FILE}; keep one of the two")
     needed = f"a CSV table with {across} and {value}, one point per row"
-    points = np.array([point for _, point in numbered_points(file, needed=needed, error=DesignError)])
+    points = np.array([point for _, point in numbered_points(file, needed=needed)])
     changes: list[str] = []
     where, values = points[:, 0], points[:, 1]
     values = _from_zero(values, changes, file, value)

@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from optopad.design.circuit.amplifier import chosen_amplifier
-from optopad.design.circuit.circuit import Circuit
+from optopad.design.circuit.circuit import MS_PER_S, US_PER_MS, Circuit, baud_error, frame_bytes, made_baud
 from optopad.design.circuit.emitter_switch import (
     CurrentSink,
     current_sink,
@@ -25,7 +25,6 @@ from optopad.design.circuit.emitter_switch import (
     transistor_of,
     transistor_shortfalls,
 )
-from optopad.design.circuit.link import MS_PER_S, US_PER_MS, baud_error, frame_bytes, made_baud
 from optopad.design.circuit.pin_rules import pin_findings
 from optopad.design.circuit.transimpedance import gain_findings, settling_findings
 from optopad.design.fields.finding import FAILS, Finding, error, note, warning

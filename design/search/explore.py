@@ -33,15 +33,17 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import optuna
 import sqlalchemy
 from optuna.distributions import BaseDistribution, CategoricalDistribution, FloatDistribution, IntDistribution
+from optuna.importance import PedAnovaImportanceEvaluator
 from optuna.samplers import BaseSampler
 from optuna.storages import RDBStorage
 from optuna.trial import FrozenTrial, TrialState
 
+from optopad.design.arrays import BoolArray, FloatArray
 from optopad.design.errors import DesignError, InputError
-from optopad.design.search.front import pareto_front
 from optopad.design.search.improve import FanOut, Judged, Limit, Objective, Tried, limits_of, one_by_one
 from optopad.design.search.space import ROUND_DIGITS, SearchSpace, SpaceField, Value
 from optopad.design.spec import SensorDesign
@@ -679,3 +681,77 @@ def _judged_from(record: dict[str, Any]) -> Judged:
         reason=str(record.get("reason", "")),
         may_be=bool(record.get("may_be", False)),
     )
+
+
+def not_dominated(losses: FloatArray) -> BoolArray:
+    """Array (n,) that is true for each design that no other design dominates.
+
+    A design dominates another one if no loss of it is larger and at least one is smaller.
+
+    Parameters
+    ----------
+    losses : (n, figure) numbers to minimise, one array row per design
+    """
+    kept = np.ones(len(losses), dtype=np.bool_)
+    for row, loss in enumerate(losses):
+        beaten_by = np.all(losses <= loss, axis=1) & np.any(losses < loss, axis=1)
+        kept[row] = not beaten_by.any()
+    return kept
+
+
+def losses_of(space: SearchSpace, tried: Sequence[Tried]) -> FloatArray:
+    """Objectives of designs as an array (n, objective), with signs chosen so that smaller is better."""
+    rows = [
+        [
+            float(one.judged.figures[objective.figure] or 0.0) * (1 if objective.sense == "minimize" else -1)
+            for objective in space.objectives
+        ]
+        for one in tried
+    ]
+    return np.array(rows, dtype=np.float64).reshape(len(rows), len(space.objectives))
+
+
+def pareto_front(space: SearchSpace, tried: Sequence[Tried]) -> tuple[Tried, ...]:
+    """Feasible designs that no other dominates, without duplicates; the best in the first objective comes first."""
+    feasible = [one for one in tried if one.is_feasible]
+    losses = losses_of(space, feasible)
+    kept: dict[str, tuple[float, Tried]] = {}
+    for one, loss, keep in zip(feasible, losses, not_dominated(losses), strict=True):
+        if keep:
+            kept.setdefault(one.digest, (float(loss[0]), one))
+    return tuple(one for _, one in sorted(kept.values(), key=lambda item: (item[0], item[1].number)))
+
+
+LEAST_DESIGNS = 20
+"""Least number of designs: with fewer, the best tenth means nothing."""
+
+
+def importances(space: SearchSpace, url: str) -> dict[str, dict[str, float]]:
+    """Importance of each field as {objective: {path: share}}; the shares of an objective sum to 1.
+
+    Empty if fewer than `LEAST_DESIGNS` designs were judged completely.
+    """
+    with opened_study(space, url) as study:
+        if len(trials_in(study, TrialState.COMPLETE)) < LEAST_DESIGNS:
+            return {}
+        paths = [field.path for field in space.fields]
+        return {
+            objective.figure: _shares(study, paths, number)
+            for number, objective in enumerate(space.objectives)
+        }
+
+
+def _shares(study: optuna.Study, paths: list[str], number: int) -> dict[str, float]:
+    """Shares of an objective; the fields are named, because Optuna's own order changes with Python's hash seed."""
+    sign = -1.0 if study.directions[number] == optuna.study.StudyDirection.MAXIMIZE else 1.0
+
+    def loss(trial: FrozenTrial) -> float:
+        return sign * float(trial.values[number])
+
+    with warnings.catch_warnings():
+        # Optuna warns about the sign, which `loss` handles, and about few designs, which the report mentions.
+        for known in ("PedAnovaImportanceEvaluator computes", "Target and region quantiles"):
+            warnings.filterwarnings("ignore", message=known, category=UserWarning)
+        evaluator = PedAnovaImportanceEvaluator()
+        found = optuna.importance.get_param_importances(study, evaluator=evaluator, params=paths, target=loss)
+    return {name: float(share) for name, share in found.items()}

@@ -25,7 +25,7 @@ from optopad.design.rules.check import check
 from optopad.design.search.figures import FIGURES
 from optopad.design.search.space import ROUND_DIGITS, SearchSpace, Value, space_from
 from optopad.design.spec import SensorDesign
-from optopad.design.spec.cheap_fields import ALONG, CLEAR, HEIGHTS, TARGET, cheap_fields
+from optopad.design.spec.properties import ALONG, CLEAR, HEIGHTS, TARGET, cheap_fields
 
 LOCATION = "location_bound_mm"
 UNUSABLE = 10.0

@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from optopad.design.fields.base import get_at
 from optopad.design.search.improve import Tried, cost_of, is_near, usable_of, worth
 from optopad.design.search.space import ROUND_DIGITS, SearchSpace, SpaceField, Value
-from optopad.design.spec.cheap_fields import CLEAR, HEIGHTS, TARGET
+from optopad.design.spec.properties import CLEAR, HEIGHTS, TARGET
 
 FIRST_SHARES = (0.15, 0.3, 0.5, 0.8)
 """Sizes of the first changes of single fields, as shares of the height by which emitters and receivers are too low."""

@@ -38,9 +38,8 @@ from optopad.design.parts.catalog import Part
 from optopad.design.shape.outline import Arc, Line, Outline, Point, outline_in
 from optopad.design.shape.top import Top
 from optopad.design.spec import SensorDesign
-from optopad.design.spec.fits import clearance_mm
 from optopad.design.spec.layout import OPPOSITE, Kind, Placement, angle_name, expand
-from optopad.design.spec.properties import part_of
+from optopad.design.spec.properties import clearance_mm, part_of
 
 NODES = 32
 """Number of nodes of Gauss' rule along each wall, and from the middle to the wall."""

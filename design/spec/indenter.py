@@ -55,7 +55,7 @@ def read_profile(file: Path) -> list[list[float]]:
     ------
     DesignError : the file cannot be read, a row is not a pair of numbers, or the points do not form a tip.
     """
-    found = numbered_points(file, needed=NEEDED, error=DesignError)
+    found = numbered_points(file, needed=NEEDED)
     rows, points = [number for number, _ in found], [point for _, point in found]
     fault = profile_fault(points, None, lambda index: f"{file}: row {rows[index]}")
     if fault is not None:
@@ -156,11 +156,6 @@ def tip_outline(indenter: Indenter) -> tuple[Piece, ...]:
     half_angle = indenter.cone_half_angle_deg or DEFAULT_HALF_ANGLE_DEG
     apex = DEFAULT_ROUNDING * tip if indenter.apex_radius_mm is None else indenter.apex_radius_mm
     return _pieces(tip, apex=apex, edge=edge, steepness=0.5 * math.pi - math.radians(half_angle))
-
-
-def tip_height_mm(indenter: Indenter) -> float:
-    """Height above the apex at which the shank begins [mm]."""
-    return tip_outline(indenter)[-1].end[1]
 
 
 def tip_words(indenter: Indenter) -> str:

@@ -12,15 +12,14 @@ from functools import cache
 from pydantic import ValidationError
 
 from optopad.design.errors import DesignError
-from optopad.design.fields.base import get_at
-from optopad.design.fields.packaged import data_table
-from optopad.design.fields.quantity import NM_PER_UM, Confidence, absorption_per_mm, lambertian_order
-from optopad.design.fields.sheet_names import sheet_name_hint
+from optopad.design.fields.base import get_at, sheet_name_hint
+from optopad.design.fields.packaged import data_quantities, data_table
+from optopad.design.fields.quantity import NM_PER_UM, Confidence, Quantity, lambertian_order
 from optopad.design.once import once
 from optopad.design.parts import catalog
-from optopad.design.parts.catalog import CatalogEntries, Elastomer, Part, Quantity
+from optopad.design.parts.catalog import CatalogEntries, Elastomer, Part
 from optopad.design.parts.spectrum import SpectralIndex, spectral_index
-from optopad.design.spec import Emitters, Receivers, SensorDesign
+from optopad.design.spec import Emitters, Mold, Receivers, SensorDesign
 from optopad.design.spec.layout import Kind, Placement, expand
 
 SECTIONS: dict[str, Kind] = {"emitters": "emitter", "receivers": "receiver"}
@@ -146,11 +145,6 @@ def absorption_db_per_cm(design: SensorDesign) -> Quantity:
     """Absorption coefficient of the clear elastomer [dB/cm]."""
     own = design.elastomer.absorption_db_per_cm
     return elastomer_of(design).absorption_db_per_cm if own is None else _measured("dB/cm", own)
-
-
-def absorption_coefficient_per_mm(design: SensorDesign) -> float:
-    """Absorption coefficient a of the clear elastomer in the law exp(-a L) [1/mm]."""
-    return absorption_per_mm(absorption_db_per_cm(design).value)
 
 
 def modulus(design: SensorDesign) -> Quantity:
@@ -304,3 +298,42 @@ def _design_quantity(design: SensorDesign, path: str, band: Band) -> Quantity:
 
 def _measured(unit: str, value: float) -> Quantity:
     return Quantity(value=value, unit=unit, source=MEASURED_SOURCE, confidence="measured")
+
+
+def fit(name: str) -> Quantity:
+    """A length [mm] from the file `design/data/fits.toml`, by its name."""
+    return data_quantities("fits.toml")[name]
+
+
+def clearance_mm(mold: Mold, part_id: str) -> float:
+    """Gap on each side of a part's body [mm]: from its fit class, or else the mold's `part_clearance_mm`."""
+    named = mold.fits.get(part_id)
+    return mold.part_clearance_mm if named is None else fit(named).value
+
+
+def fit_name(mold: Mold, part_id: str) -> str:
+    """Name of a part's fit class; "own clearance" for a part without a fit class."""
+    return mold.fits.get(part_id, "own clearance")
+
+
+# Fields that are cheap to change before manufacture: score and search vary them to find better designs.
+HEIGHTS = ("emitters.height_mm", "receivers.height_mm")
+CLEAR = "cavity.clear_thickness_mm"
+TARGET = "gain.target_counts"
+ALONG = ("pitch_mm", "shift_mm")
+"""Fields of a layout pattern that set the positions of parts along their wall."""
+
+
+def cheap_fields(design: SensorDesign) -> tuple[str, ...]:
+    """Dotted paths of the cheap fields of a design.
+
+    These are part heights, the clear layer's thickness, the gain's target, and the pitch and shift of layout patterns.
+    """
+    by_rule = (TARGET,) if isinstance(design.gain.feedback_ohm, str) else ()
+    along = (
+        f"layout.{number}.{name}"
+        for number, pattern in enumerate(design.layout)
+        for name in ALONG
+        if getattr(pattern, name, None) is not None
+    )
+    return *HEIGHTS, CLEAR, *by_rule, *along

@@ -30,8 +30,7 @@ from optopad.fabrication.driver.drift import (
 from optopad.fabrication.driver.link.frames import US_PER_S, Frame
 from optopad.fabrication.driver.sensor import BASELINE_S, Sensor
 from optopad.sims.learning.inference.header import ModelHeader, require_design
-from optopad.sims.learning.inference.prediction import Prediction
-from optopad.sims.learning.inference.touch_model import TouchModel
+from optopad.sims.learning.inference.touch_model import Prediction, TouchModel
 
 AXES = ("x", "y", "depth")
 """Names of the three numbers of a press."""

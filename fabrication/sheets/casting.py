@@ -15,7 +15,6 @@ from optopad.design.circuit.emitter_switch import current_sink, emitter_switch, 
 from optopad.design.circuit.transimpedance import (
     Feedback,
     counts_per_flux_per_ohm,
-    full_scale_counts,
     settling_findings,
 )
 from optopad.design.draft import Draft
@@ -28,8 +27,7 @@ from optopad.design.preset import true_description
 from optopad.design.rules.mold import is_inhibited
 from optopad.design.shape.cavity import PlacedPart, cavity_of, facing_pairs
 from optopad.design.spec import SensorDesign
-from optopad.design.spec.fits import clearance_mm, fit_name
-from optopad.design.spec.properties import elastomer_of, entries_of, quantities_of
+from optopad.design.spec.properties import clearance_mm, elastomer_of, entries_of, fit_name, quantities_of
 from optopad.fabrication.connections import polarity_of
 from optopad.fabrication.gain import SimulatedGain, clipped_pairs, feedbacks_for
 from optopad.fabrication.sheets.bom import BomRow, bom_rows
@@ -144,7 +142,7 @@ def _gain(circuit: Circuit, gain: SimulatedGain | None) -> dict[str, Any]:
         "is_facing_rows": bool(facing_pairs(cavity)),
         "clipped": None if gain is None else clipped_pairs(design, gain),
         "pair_count": len(cavity.emitters) * len(cavity.receivers),
-        "full_scale": round(full_scale_counts(design)),
+        "full_scale": round(Circuit.of(design).adc.full_scale_counts),
     }
 
 

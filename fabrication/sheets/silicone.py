@@ -62,7 +62,8 @@ def pours(design: SensorDesign) -> tuple[Pour, ...]:
     layers = (("black", cavity.black_mm, black), ("clear", cavity.clear_mm, clear))
     if not plan.top.is_flat:  # cast upside down
         layers = layers[::-1]
-    return tuple(_pour(design, *layer) for layer in layers if layer[1] > 0)
+    density, ratio = elastomer_of(design).density_g_per_cm3.value, design.elastomer.mixing_ratio
+    return tuple(_pour(density, ratio, *layer) for layer in layers if layer[1] > 0)
 
 
 def silicone_g(layers: Sequence[Pour]) -> float:
@@ -74,9 +75,9 @@ def _least_agent_g() -> float:
     return assumption("scale_step").value / MOST_WEIGHING_ERROR
 
 
-def _pour(design: SensorDesign, layer: str, thickness_mm: float, volume_mm3: float) -> Pour:
-    step_g, ratio = assumption("scale_step").value, design.elastomer.mixing_ratio
-    net = volume_mm3 / MM3_PER_CM3 * elastomer_of(design).density_g_per_cm3.value
+def _pour(density: float, ratio: float, layer: str, thickness_mm: float, volume_mm3: float) -> Pour:
+    step_g = assumption("scale_step").value
+    net = volume_mm3 / MM3_PER_CM3 * density
     used = net * (1 + assumption("silicone_waste").value)
     agent = max(math.ceil(used / (ratio + 1) / step_g - 1e-9) * step_g, _least_agent_g())
     mixed = agent * (ratio + 1)

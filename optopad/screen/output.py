@@ -17,11 +17,37 @@ import typer
 
 from optopad.design.errors import ModelScopeError
 from optopad.design.progress import OnStep
-from optopad.screen.stages import STAGE_TITLES
 from optopad.sims.compiling import compiling_told
 
 if TYPE_CHECKING:
-    from optopad.design.spec import SensorDesign
+    from optopad.design.pad import Pad
+
+STAGE_TITLES = {
+    "kernels": "compiling the light kernels, once on this machine: half a minute or more",
+    "contact": "contact (MuJoCo)",
+    "pairs": "light, pair by pair",
+    "light": "light",
+    "loose walls": "light, walls torn loose",
+    "data": "samples",
+    "map": "light, map of the pad",
+    "doubtful places": "light, doubtful locations again",
+    "map error": "light, between the map's nodes",
+    "calibration": "fit of the unit's optics",
+    "fit": "model",
+    "curves": "light, pairs under the tip",
+    "open pairs": "light, undecided pairs again",
+    "open places": "light, undecided locations again",
+    "bounds": "light, bounds of resolution",
+    "tolerance": "unmeasured parameters",
+    "what matters": "sensitivity to each parameter",
+    "trial": "trial: heights and thickness moved",
+    "builds": "Monte Carlo over tolerances",
+    "rays": "sample paths",
+    "mold": "mold and tools",
+    "mold beside": "mold and tools: wait",
+    "presses": "presses of the stage",
+    "files": "build sheet, driver config, report",
+}
 
 
 @dataclass(frozen=True)
@@ -63,27 +89,19 @@ ANNOUNCED = "kernels"
 """Step of a computation that gets a line of progress even without a bar, because it is long and unexpected."""
 
 
-def foretell_score(
-    design: SensorDesign, *, fine: bool, full: bool, quiet: bool, is_run: bool = False
-) -> None:
-    """Report on standard error how long a score or a whole run will take, if it takes long.
-
-    Raises
-    ------
-    DesignError : the design breaks a rule; nothing is printed.
-    """
-    from optopad.design.rules.check import require_valid
+def foretell_score(pad: Pad, *, fine: bool, full: bool, quiet: bool, is_run: bool = False) -> None:
+    """Report on standard error how long a score or a whole run will take, if it takes long."""
     from optopad.sims.contact.indentation import require_covered
+    from optopad.sims.contact.scope import contact_of
     from optopad.sims.score.cost import score_sentence
 
-    require_valid(design)
     if quiet:
         return
     try:
-        require_covered(design)
+        require_covered(contact_of(pad.design))
     except ModelScopeError:
         return  # it ends at once
-    if said := score_sentence(design, fine=fine, full=full, is_run=is_run):
+    if said := score_sentence(pad.design, fine=fine, full=full, is_run=is_run):
         print(said, file=sys.stderr, flush=True)
 
 

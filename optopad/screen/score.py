@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 from optopad.design.errors import InputError
 from optopad.design.shape.cavity import cavity_of
 from optopad.design.spec import SensorDesign
+from optopad.screen.answer import WIDTH_IN, block, drawn, picture
 from optopad.screen.figures import summary_words
-from optopad.screen.shown import WIDTH_IN, block, drawn, picture
 from optopad.screen.verdict import verdict_screen
 from optopad.screen.verdict_sentences import sentences_of
 from optopad.sims.score.result import ContinuityScore, JudgedPair, KeyFigures

@@ -111,7 +111,7 @@ def sentences_of(design: SensorDesign, score: ContinuityScore) -> VerdictSentenc
     return VerdictSentences(
         verdict=_verdict(design, score),
         why=_why(score),
-        margin=_margin(design, score),
+        margin=_margin(score),
         fix=fix_words(score.trial),
         confidence=_confidence(design, score),
         resolution=_resolution(score),
@@ -177,14 +177,14 @@ def _other_pairs(count: int, every: int) -> str:
     return f"; {others} {which} {'has a deadband' if count == 1 else 'have deadbands'}, too"
 
 
-def _margin(design: SensorDesign, score: ContinuityScore) -> str:
+def _margin(score: ContinuityScore) -> str:
     """The least margin, with its location and depths or its facing pair; empty for a design with a deadband."""
     if score.deadbands_mm or score.margin is None:
         return ""
     limit = f"a deadband is below {DEADBAND_THRESHOLD:g} sigma"
     if score.is_facing_rows:
         margins = {
-            pair.name: pair_margin(design, score.readout, pair.curves, pair.score)[0]
+            pair.name: pair_margin(score.readout, pair.curves, pair.score)[0]
             for pair in score.pairs
             if score.readout is not None
         }

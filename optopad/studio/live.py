@@ -23,7 +23,6 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 import numpy as np
@@ -38,10 +37,10 @@ from optopad.fabrication.driver.check import check_frames
 from optopad.fabrication.driver.descriptor import Descriptor, descriptor_of
 from optopad.fabrication.driver.link.frames import US_PER_S, Frame, normalised
 from optopad.fabrication.driver.link.link import require_digest
-from optopad.fabrication.driver.pattern import Problem
 from optopad.fabrication.driver.sensor import Sensor
 from optopad.fabrication.driver.stream import LinkCounts
 from optopad.fabrication.driver.touch_reader import Touch, TouchReader
+from optopad.fabrication.driver.wiring_check import Problem
 from optopad.sensor import fitting_model, source_of
 from optopad.work import started
 
@@ -269,9 +268,7 @@ class LiveSensor:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, err: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def start(self) -> None:

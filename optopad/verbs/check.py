@@ -51,5 +51,6 @@ def _contact_findings(design: SensorDesign) -> Iterator[Finding]:
     except (DesignError, ModelScopeError):
         return
     from optopad.sims.contact.indentation import wall_findings
+    from optopad.sims.contact.scope import contact_of
 
-    yield from wall_findings(design)
+    yield from wall_findings(contact_of(design))

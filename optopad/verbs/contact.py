@@ -9,24 +9,20 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 
-from optopad.cli.options import require_folder
-from optopad.cli.verb import typed, verb
+from optopad.cli.verb import require_folder, typed, verb
 from optopad.design.errors import InputError
 from optopad.design.press_protocol import LoadProtocol, load_protocol
 from optopad.design.progress import OnStep
 from optopad.design.rules.check import require_valid
 from optopad.design.spec import SensorDesign
-from optopad.design.spec.properties import modulus
 from optopad.fabrication.bundle import bundle, bundle_name
 from optopad.screen.press import PressView, ProtocolView
-from optopad.sims.contact.force_curve import force_curve
+from optopad.sims.contact.force_curve import compared, force_curve, published_load
 from optopad.sims.contact.indentation import indent, solved_press
 from optopad.sims.contact.load_protocol import load_history, solid_of
 from optopad.sims.contact.pad_surface import contact_notes
 from optopad.sims.contact.pressure import contact_pressure
-from optopad.sims.contact.published_load import compared, published_load
-from optopad.sims.contact.scope import mean_crown, require_depth
-from optopad.sims.contact.tip import tip_of
+from optopad.sims.contact.scope import contact_of
 from optopad.sims.plots.contact import (
     plot_force,
     plot_force_near,
@@ -90,14 +86,15 @@ def view_press(
         raise InputError(
             f"--depth: {depth_mm:g} mm is refused: depth is measured from the untouched surface down; give 0 or more"
         )
-    require_depth(design, depth_mm, "--depth")
+    contact = contact_of(design)
+    contact.require_depth(depth_mm, "--depth")
     if driven is not None:
-        require_depth(design, driven.deepest_mm.value, f"--protocol {protocol}")
+        contact.require_depth(driven.deepest_mm.value, f"--protocol {protocol}")
     press = indent(design, 0.0) if depth_mm == 0.0 else None
     deepest = max(depth_mm, design.operating.max_depth_mm, driven.deepest_mm.value if driven else 0.0)
-    solved = solved_press(design, deepest, on_step=on_step)
-    young, force = modulus(design), force_curve(design, solved, depth_schedule_mm(deepest))
-    stated, tip = published_load(design), tip_of(design.indenter)
+    solved = solved_press(contact, deepest, on_step=on_step)
+    young, force = contact.draft.modulus, force_curve(solved, depth_schedule_mm(deepest))
+    stated, tip = published_load(design), contact.tip
     outline = tip.points(np.linspace(0.0, TIP_LENGTH, TIP_POINTS))
     return PressView(
         design=design,
@@ -108,7 +105,7 @@ def view_press(
         pressure=contact_pressure(solved, depth_mm),
         comparison=compared(stated, force, young.value) if stated and stated.depth_mm <= deepest else None,
         driven=_driven(design, protocol, driven, solved.force_n) if protocol and driven else None,
-        warnings=contact_notes(design),
+        warnings=contact_notes(contact),
     )
 
 
@@ -123,7 +120,7 @@ def _driven(
 def _plots(view: PressView) -> dict[str, Axes]:
     """Pictures of the press by name; drawing and exporting must be inside the context `plain_style`."""
     measured = [] if view.comparison is None else [view.comparison.stated.point]
-    bend = mean_crown(view.design)
+    bend = contact_of(view.design).mean_crown
     crown_mm = view.press.tip_radius_mm / bend if bend else None
     plots = {
         "profile": plot_profile(view.press, view.tip_mm, crown_radius_mm=crown_mm),

@@ -23,14 +23,12 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from optopad.cli.options import LARGEST_SEED
-from optopad.cli.verb import typed, verb
+from optopad.cli.verb import LARGEST_SEED, typed, verb
 from optopad.design.errors import InputError, OptopadError
 from optopad.design.files import own_folder, unwritable
 from optopad.design.io import dump_design, write_text_atomically
-from optopad.design.search.explore import Findings, OnTried, Refine
+from optopad.design.search.explore import Findings, OnTried, Refine, importances
 from optopad.design.search.explore import explore as explored
-from optopad.design.search.importance import importances
 from optopad.design.search.improve import FanOut, Judged, Limit, Objective, one_by_one
 from optopad.design.search.space import SearchSpace, Value, load_space, space_from
 from optopad.design.spec import SensorDesign

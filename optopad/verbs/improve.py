@@ -32,6 +32,7 @@ from statistics import median
 from typing import Any
 
 from optopad.cli.verb import Asked, typed, verb
+from optopad.design.draft import Draft
 from optopad.design.errors import InputError, ModelScopeError
 from optopad.design.fields.base import get_at, known_paths, set_at
 from optopad.design.io import dump_design, load_design, read_design_text, write_text_atomically
@@ -72,7 +73,7 @@ from optopad.design.search.points import (
 from optopad.design.search.space import SearchSpace, Value
 from optopad.design.shape.cavity import cavity_of, is_facing_rows, mask_of, plan_of
 from optopad.design.spec import SensorDesign
-from optopad.design.spec.cheap_fields import CLEAR, HEIGHTS, TARGET
+from optopad.design.spec.properties import CLEAR, HEIGHTS, TARGET
 from optopad.report.search import search_page
 from optopad.screen.improvement import AT_RISK, Alternative, Improvement, Nearest
 from optopad.screen.score import Score
@@ -266,9 +267,9 @@ def _require_aim(aim: str | None, *, facing: bool) -> None:
 
 def _most_counts(design: SensorDesign, seed: int) -> float:
     """Largest useful target of the gain, from the untouched light; infinite if the models do not cover the design."""
-    judge = Judge(design, "search", seed=seed)
+    judge = Judge(Draft.of(design), "search", seed=seed)
     try:
-        return most_target_counts(design, judge.untouched, mask_of(judge.names, judge.cavity))
+        return most_target_counts(judge.draft, judge.untouched, mask_of(judge.names, judge.cavity))
     except ModelScopeError:
         return math.inf
 
@@ -502,7 +503,9 @@ class Confirmation:
             self.base = replace(self.base, figures=self.base.figures | sizes_of(self.space.base))
         self._learn(base, self.before)
         tried = self.with_aim([*tried, *self._at_other_gains(tried)])
-        best = sorted((one for one in tried if is_possible(one.judged)), key=_worth, reverse=True)
+        best = sorted(
+            (one for one in tried if is_possible(one.judged)), key=lambda one: worth(one.judged), reverse=True
+        )
         if self.accuracy != LOCATION or not best or self.aim in BOUND_AIMS:
             return tried
         self.base = self._with_accuracy(self.base, self.space.base)
@@ -591,7 +594,9 @@ class Confirmation:
         """
         fresh = [self._latest(one) for one in tried if one.digest and _light_of(one) not in self._lit]
         if kind is None:
-            return max((one for one in fresh if one.judged.figures), key=_worth, default=None)
+            return max(
+                (one for one in fresh if one.judged.figures), key=lambda one: worth(one.judged), default=None
+            )
         while True:
             best = self._first_of(kind, fresh)
             if best is None or self._is_latest(best):
@@ -629,7 +634,7 @@ class Confirmation:
         safe = [one for one in corrected if margin_of(one.judged) >= margin]
         if kind in ("margin", "most robust"):
             safe.sort(key=lambda one: ORDERS[kind](self.space, one, self.accuracy))
-        best = safe[0] if safe else max(corrected, key=_worth, default=None)
+        best = safe[0] if safe else max(corrected, key=lambda one: worth(one.judged), default=None)
         return next((one for one in candidates if best is not None and one.number == best.number), None)
 
     def _expected(self, one: Tried) -> float:
@@ -833,7 +838,3 @@ class Confirmation:
         )
         changes = changes_of(self.space, best.tried.parameters)
         return Nearest(changes=changes, at_ends=ends, score=best.score)
-
-
-def _worth(one: Tried) -> tuple[bool, float, float, float]:
-    return worth(one.judged)

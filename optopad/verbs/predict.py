@@ -29,9 +29,8 @@ from optopad.sims.learning.chain_bounds import bounds_by_depth
 from optopad.sims.learning.inference.model_file import save_model
 from optopad.sims.learning.inference.signal_map import KIND as SIGNAL_MAP
 from optopad.sims.learning.inference.touch_model import TouchModel
-from optopad.sims.learning.learners import LEARNERS, Learner
+from optopad.sims.learning.learners import EFFORTS, LEARNERS, Learner
 from optopad.sims.learning.map_learner import chain_noise, signal_map_learner
-from optopad.sims.learning.settings import EFFORTS
 from optopad.sims.learning.tables import ERROR_DEPTHS_MM, published_touch
 from optopad.sims.readings.press_data import clipped_note
 from optopad.sims.readings.protocol import ProtocolCurves, draw, protocol_curves

@@ -11,8 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from optopad.cli.options import parsed_press
-from optopad.cli.verb import typed, verb
+from optopad.cli.verb import parsed_press, typed, verb
 from optopad.design.errors import InputError
 from optopad.design.io import write_text_atomically
 from optopad.design.progress import OnStep
@@ -22,6 +21,7 @@ from optopad.design.spec import SensorDesign
 from optopad.fabrication.bundle import bundle, bundle_name
 from optopad.screen.rays import RayView
 from optopad.sims.contact.indentation import solved_press
+from optopad.sims.contact.scope import contact_of
 from optopad.sims.plots.files import write_plot
 from optopad.sims.plots.ray_sheet import ray_sheet
 from optopad.sims.plots.rays import Cut, cut_across, cut_of_pair, cut_through
@@ -109,7 +109,9 @@ def _view(
     presses = tuple(press for press in presses if press[2] > 0.0)
     if presses:
         deepest = max(design.operating.max_depth_mm, *(press[2] for press in presses))
-        solved_press(design, max_depth_mm=deepest, on_step=lambda share: on_step("contact", share))
+        solved_press(
+            contact_of(design), max_depth_mm=deepest, on_step=lambda share: on_step("contact", share)
+        )
     is_aimed = aim[1] is not None
     choice = RayChoice(pairs=_pairs(cavity, aim), count=count, shows_all_losses=not is_aimed, seed=seed)
     return RayView(

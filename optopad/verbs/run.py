@@ -22,6 +22,7 @@ from optopad.bundle_parts import ANSWER, answer_part, checks_of, contact_part, m
 from optopad.cli.verb import Asked, verb
 from optopad.design.errors import InputError, OutputError
 from optopad.design.io import save_design, write_text_atomically
+from optopad.design.pad import Pad
 from optopad.design.progress import OnStep, silent
 from optopad.design.rules.check import require_valid
 from optopad.design.spec import SensorDesign
@@ -86,7 +87,7 @@ def run_command(
         fine=fine,
         seed=seed,
         force=force,
-        on_start=lambda: foretell_score(design, fine=fine, full=False, quiet=as_json, is_run=True),
+        on_start=lambda: foretell_score(Pad.of(design), fine=fine, full=False, quiet=as_json, is_run=True),
         on_step=on_step,
     )
     if as_json:

@@ -7,8 +7,8 @@ from pathlib import Path
 from optopad.bundle_parts import ANSWER, answer_part, contact_part, scored, write_pages
 from optopad.cli.verb import Asked, verb
 from optopad.design.errors import InputError
+from optopad.design.pad import Pad
 from optopad.design.progress import OnStep
-from optopad.design.rules.check import require_valid
 from optopad.design.spec import SensorDesign
 from optopad.fabrication.bundle import bundle, bundle_name, current_files
 from optopad.screen.answer import Answer, labelled, learner_words
@@ -69,8 +69,9 @@ def score_command(
     builds : Units of the Monte Carlo of --tolerance (200 if left out).
     """
     drawn = _drawn_builds(tolerance, builds)
-    foretell_score(design, fine=fine, full=full, quiet=as_json)
-    found, folder = _written(design, out, fine=fine, full=full, seed=seed, on_step=on_step, builds=drawn)
+    pad = Pad.of(design)
+    foretell_score(pad, fine=fine, full=full, quiet=as_json)
+    found, folder = _written(pad, out, fine=fine, full=full, seed=seed, on_step=on_step, builds=drawn)
     answer, files = Answer.read(folder / ANSWER), labelled("files", str(folder))
     if details:
         lines = [*answer.details, labelled("size", answer.size), files]
@@ -92,7 +93,7 @@ def _drawn_builds(tolerance: bool, builds: int | None) -> int | None:
 
 
 def _written(
-    design: SensorDesign,
+    pad: Pad,
     out: Path,
     *,
     fine: bool,
@@ -102,8 +103,7 @@ def _written(
     builds: int | None = None,
 ) -> tuple[ContinuityScore, Path]:
     """Write verdict, map and the map's signals into the bundle; the score and the bundle's folder."""
-    require_valid(design)
-    name = bundle_name(design)
+    design, name = pad.design, bundle_name(pad.design)
     has_page = (out / name / "report.html").exists()  # a bundle has one verdict: its page is made anew
     contact = contact_part(design, fine=fine, full=full)
     answer = answer_part(design, seed, fine=fine, full=full, builds=builds, has_page=has_page)

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from optopad.cli.options import parsed_press
-from optopad.cli.verb import typed, verb
+from optopad.cli.verb import parsed_press, typed, verb
 from optopad.design.arrays import FloatArray
+from optopad.design.draft import Draft
 from optopad.design.errors import InputError, ModelScopeError
 from optopad.design.press_protocol import PressProtocol, load_protocol_file
 from optopad.design.progress import OnStep
@@ -20,10 +20,10 @@ from optopad.design.shape.cavity import CavityGeometry, cavity_of
 from optopad.design.spec import SensorDesign
 from optopad.fabrication.bundle import bundle, bundle_name, program_digest
 from optopad.screen.output import Told
-from optopad.screen.simulation import data_lines, signal_lines
+from optopad.screen.training import data_lines, signal_lines
 from optopad.sims.contact.indentation import solved_press
-from optopad.sims.contact.scope import require_depth
-from optopad.sims.optics.light_signals import LightSignals
+from optopad.sims.contact.scope import contact_of
+from optopad.sims.optics.accuracy import LightSignals
 from optopad.sims.optics.tracing import trace
 from optopad.sims.press import depth_schedule_mm
 from optopad.sims.readings.data_writer import DataWriter
@@ -131,8 +131,10 @@ def _signals(
     states = np.array(presses) if presses else _default_presses(design, cavity)
     require_presses(design, states)
     deepest_mm = max(design.operating.max_depth_mm, float(states[:, 2].max()))  # the trace needs this depth
-    solved_press(design, max_depth_mm=deepest_mm, on_step=lambda s: on_step("contact", s))
-    light = trace(design, states, seed=seed, on_step=lambda done, total: on_step("light", done / total))
+    solved_press(contact_of(design), max_depth_mm=deepest_mm, on_step=lambda s: on_step("contact", s))
+    light = trace(
+        Draft.of(design), states, seed=seed, on_step=lambda done, total: on_step("light", done / total)
+    )
     save_dataset(signals_dataset(light, cavity), folder / "presses.nc")
     return {
         "name": design.name,
@@ -154,7 +156,7 @@ def require_presses(design: SensorDesign, states: FloatArray) -> None:
                 f"--press: depth {depth_mm:g} mm is refused: depth is measured from the untouched surface "
                 "down; give 0 or more"
             )
-        require_depth(design, float(depth_mm), "--press")
+        contact_of(design).require_depth(float(depth_mm), "--press")
         if not space.contains(float(x_mm), float(y_mm)):
             raise ModelScopeError(
                 f"--press: ({x_mm:g}, {y_mm:g}) mm is outside the workspace, {space.words}; press inside, or lower "

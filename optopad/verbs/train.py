@@ -8,8 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from optopad.cli.options import file_name, named
-from optopad.cli.verb import typed, verb
+from optopad.cli.verb import file_name, named, typed, verb
 from optopad.design.errors import InputError
 from optopad.design.files import made_folder
 from optopad.design.progress import OnStep, silent
@@ -17,10 +16,9 @@ from optopad.design.spec import SensorDesign
 from optopad.fabrication.driver.recording.bag import is_bag
 from optopad.screen.training import TrainedModel, Training
 from optopad.sims.learning.inference.model_file import save_model
-from optopad.sims.learning.learners import LEARNERS, Learner
+from optopad.sims.learning.learners import EFFORTS, LEARNERS, Learner
 from optopad.sims.learning.map_learner import signal_map_learner
 from optopad.sims.learning.samples import prepared
-from optopad.sims.learning.settings import EFFORTS
 from optopad.sims.learning.traced_map import load_curve
 from optopad.sims.readings.dataset import PressData, data_notes, joined, read_data, require_design
 from optopad.work import as_netcdf, is_recording, read_design

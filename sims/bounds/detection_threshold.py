@@ -10,16 +10,16 @@ threshold too small, because signals grow faster than depth at first contact.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from optopad.design.arrays import FloatArray
-from optopad.design.spec import SensorDesign
-from optopad.design.spec.properties import modulus
 from optopad.sims.bounds.fisher import BAND
 from optopad.sims.contact.force_curve import band_factors
 from optopad.sims.contact.indentation import solved_press
+from optopad.sims.contact.scope import Contact
 from optopad.sims.readings.readout import Readout
 from optopad.sims.verdict.depth_curve import DEADBAND_THRESHOLD, noise_units, sigma_counts
 
@@ -62,7 +62,7 @@ class DetectionThreshold:
 
 
 def detection_threshold(
-    design: SensorDesign,
+    contact: Contact,
     flux: FloatArray,
     standard_error: FloatArray,
     x_mm: tuple[float, ...],
@@ -78,14 +78,10 @@ def detection_threshold(
     flux, standard_error : (ny, nx, nd, pair) received over emitted power, and its standard error [-]. The first depth
         is the untouched pad. Values outside the workspace are NaN
     x_mm, y_mm, depth_mm : (nx,), (ny,) and (nd,) coordinates of the grid [mm]
-    readout : gains of the receivers
+    readout : gains of the receivers, and the noise of a reading
     threshold : change of a reading that counts as detected [noise units]
     """
-    noise = {
-        "read_noise_counts": design.value_noise_counts,
-        "relative_noise": design.noise.relative_noise,
-    }
-    gains = readout.of_all_pairs(flux.shape[-1])
+    noise, gains = readout.noise, readout.of_all_pairs(flux.shape[-1])
     counts = np.minimum(flux * gains, readout.full_scale_counts)
     units = noise_units(counts, **noise)
     error = standard_error * gains / sigma_counts(counts, **noise)
@@ -94,8 +90,8 @@ def detection_threshold(
         _first_reached_mm(depth_mm, (change + shift * BAND * error).max(axis=-1), threshold)
         for shift in (0.0, 1.0, -1.0)
     ]
-    forces = [_forces_n(design, x_mm, y_mm, depth) for depth in depths]
-    low, high = band_factors(modulus(design))
+    forces = _forces_n(contact, x_mm, y_mm, depths)
+    low, high = band_factors(contact.draft.modulus)
     return DetectionThreshold(
         x_mm=x_mm,
         y_mm=y_mm,
@@ -130,12 +126,13 @@ def _first_reached_mm(depth_mm: FloatArray, change: FloatArray, threshold: float
 
 
 def _forces_n(
-    design: SensorDesign, x_mm: tuple[float, ...], y_mm: tuple[float, ...], depth_mm: FloatArray
+    contact: Contact, x_mm: tuple[float, ...], y_mm: tuple[float, ...], depths_mm: Sequence[FloatArray]
 ) -> FloatArray:
-    """(ny, nx) load at each location's depth [N]; infinite or NaN where the depth is infinite or NaN."""
+    """(set, ny, nx) load at each location's depths [N]; infinite or NaN where the depth is infinite or NaN."""
+    depth_mm = np.stack(depths_mm)
     force = np.where(np.isnan(depth_mm), np.nan, np.inf)
-    for (row, column), depth in np.ndenumerate(depth_mm):
-        if np.isfinite(depth):
-            press = solved_press(design, at_mm=(x_mm[column], y_mm[row]))
-            force[row, column] = press.at(float(depth)).force_n
+    for row, column in np.argwhere(np.isfinite(depth_mm).any(axis=0)):
+        press = solved_press(contact, at_mm=(x_mm[column], y_mm[row]))
+        for number in np.flatnonzero(np.isfinite(depth_mm[:, row, column])):
+            force[number, row, column] = press.force_n(float(depth_mm[number, row, column]))
     return force

@@ -64,10 +64,9 @@ from typing import Final
 import numpy as np
 
 from optopad.design.arrays import BoolArray, FloatArray, IntArray
+from optopad.design.draft import Draft
 from optopad.design.progress import OnShare
 from optopad.design.rules.light import SURROUND_MM
-from optopad.design.shape.cavity import plan_of
-from optopad.design.spec import SensorDesign
 from optopad.sims.optics.accuracy import Accuracy
 from optopad.sims.optics.tracing import trace
 from optopad.sims.readings.readout import Readout
@@ -173,7 +172,7 @@ def stencil_derivatives(readings: FloatArray, offsets_mm: FloatArray) -> FloatAr
 
 
 def sensitivity(
-    design: SensorDesign,
+    draft: Draft,
     voxels_mm: FloatArray,
     readout: Readout,
     *,
@@ -199,17 +198,17 @@ def sensitivity(
     offsets = steps.offsets_mm(voxels_mm[:, 2])
     presses = stencil_presses(voxels_mm, offsets)
     halves = [
-        _readings(design, presses, readout, accuracy, seed + SEED_GAP * half, _share_of_half(on_step, half))
+        _readings(draft, presses, readout, accuracy, seed + SEED_GAP * half, _share_of_half(on_step, half))
         for half in range(2)
     ]
     (first, first_error), (second, second_error) = halves
     errors, trusted = np.concatenate([first_error, second_error], axis=1), TRUSTED
-    if not plan_of(design).is_block:
+    if not draft.plan.is_block:
         errors, trusted = _apart(first, second), FORMED_TRUSTED
     return Sensitivity(
         first=stencil_derivatives(first, offsets),
         second=stencil_derivatives(second, offsets),
-        weight=_weights(design, np.concatenate([first, second], axis=1), errors, trusted, readout),
+        weight=_weights(np.concatenate([first, second], axis=1), errors, trusted, readout),
     )
 
 
@@ -224,7 +223,7 @@ def _apart(first: FloatArray, second: FloatArray) -> FloatArray:
 
 
 def _readings(
-    design: SensorDesign,
+    draft: Draft,
     presses: FloatArray,
     readout: Readout,
     accuracy: str | Accuracy,
@@ -232,7 +231,7 @@ def _readings(
     on_step: Callable[[int, int], None] | None,
 ) -> tuple[FloatArray, FloatArray]:
     """(voxel, 6, pair) readings, not clipped at full scale, and their standard errors [counts]."""
-    light = trace(design, presses, accuracy=accuracy, seed=seed, on_step=on_step)
+    light = trace(draft, presses, accuracy=accuracy, seed=seed, on_step=on_step)
     shape = (len(presses) // PRESSES, PRESSES, -1)
     return (
         (light.flux * readout.gains).reshape(shape),
@@ -244,15 +243,13 @@ def _share_of_half(on_step: OnShare | None, half: int) -> Callable[[int, int], N
     return None if on_step is None else lambda done, total: on_step(0.5 * (half + done / total))
 
 
-def _weights(
-    design: SensorDesign, readings: FloatArray, errors: FloatArray, trusted: float, readout: Readout
-) -> FloatArray:
+def _weights(readings: FloatArray, errors: FloatArray, trusted: float, readout: Readout) -> FloatArray:
     """(voxel, pair) one over the variance of a reading in one frame, or of its trace error if larger [1/counts²].
 
     A trace error counts as far as it exceeds `trusted` noise units, at the press where it is largest. The weight is 0
     where the pair reaches full scale.
     """
-    sigma = sigma_counts(readings.mean(axis=1), design.value_noise_counts, design.noise.relative_noise)
+    sigma = sigma_counts(readings.mean(axis=1), **readout.noise)
     is_clipped = readings.max(axis=1) >= readout.full_scale_counts
     return np.where(is_clipped, 0.0, np.maximum(sigma, errors.max(axis=1) / trusted) ** -2.0)
 
@@ -385,7 +382,7 @@ STAGE_ENDS = (0.8, 0.95)
 
 
 def sensitivities(
-    design: SensorDesign,
+    draft: Draft,
     places_mm: FloatArray,
     depth_mm: FloatArray,
     readout: Readout,
@@ -421,7 +418,7 @@ def sensitivities(
     for stage, accuracy in enumerate(accuracies):
         step = None if on_step is None else _share_of_stage(on_step, stage, len(accuracies))
         finer = sensitivity(
-            design, voxels[left], readout, accuracy=accuracy, seed=seed, steps=steps, on_step=step
+            draft, voxels[left], readout, accuracy=accuracy, seed=seed, steps=steps, on_step=step
         )
         found = _put(_nothing(finer, len(voxels)) if found is None else found, left, finer)
         left = np.flatnonzero(_is_unclear(bounds_of(found)) if stage == 0 else bounds_of(found).is_blind)

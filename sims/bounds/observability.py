@@ -20,9 +20,9 @@ from typing import Any
 import numpy as np
 
 from optopad.design.arrays import BoolArray, FloatArray
+from optopad.design.draft import Draft
 from optopad.design.progress import OnShare
-from optopad.design.shape.cavity import CavityGeometry, cavity_of, judged_pairs, mask_of
-from optopad.design.spec import SensorDesign
+from optopad.design.shape.cavity import CavityGeometry, judged_pairs, mask_of
 from optopad.sims.bounds.detection_threshold import DetectionThreshold
 from optopad.sims.bounds.fisher import (
     BAND,
@@ -365,7 +365,7 @@ def bound_depths_mm(wanted_mm: tuple[float, ...], max_depth_mm: float, step_mm: 
 
 
 def pad_bounds(
-    design: SensorDesign,
+    draft: Draft,
     *,
     x_mm: FloatArray | None = None,
     y_mm: FloatArray | None = None,
@@ -400,15 +400,15 @@ def pad_bounds(
     ------
     ModelScopeError : the contact or light model does not cover a press.
     """
-    cavity = cavity_of(design)
+    cavity, design = draft.cavity, draft.design
     steps, limits = steps or Steps(), limits or Limits()
     if x_mm is None or y_mm is None:
         x_mm, y_mm = map_grid_mm(cavity, places)
-    readout = readout or own_readout(design, seed=seed)
+    readout = readout or own_readout(draft, seed=seed)
     max_depth_mm = design.operating.max_depth_mm
     depth_mm = bound_depths_mm(depths_mm, max_depth_mm, steps.depth_mm)
     answers = sensitivities(
-        design,
+        draft,
         grid_places_mm(cavity.workspace, x_mm, y_mm),
         depth_mm,
         readout,
@@ -456,11 +456,10 @@ def _name_of(accuracy: str | Accuracy) -> str:
     return next((name for name, one in ACCURACIES.items() if one == accuracy), "own settings")
 
 
-def own_readout(design: SensorDesign, *, seed: int, accuracy: str | Accuracy = "standard") -> Readout:
+def own_readout(draft: Draft, *, seed: int, accuracy: str | Accuracy = "standard") -> Readout:
     """A design's common gain, set on its untouched pad."""
-    cavity = cavity_of(design)
-    flat = untouched_flux(design, cavity, seed=seed, accuracy=accuracy)
-    return readout_of(design, flat, mask_of(judged_pairs(cavity), cavity))
+    flat = untouched_flux(draft, seed=seed, accuracy=accuracy)
+    return readout_of(draft, flat, mask_of(judged_pairs(draft.cavity), draft.cavity))
 
 
 def pair_names(cavity: CavityGeometry) -> tuple[str, ...]:

@@ -37,40 +37,24 @@ from functools import lru_cache
 
 import numpy as np
 
-from optopad.design.draft import Draft
-from optopad.design.errors import DesignError, InputError, ModelScopeError
+from optopad.design.errors import InputError, ModelScopeError
 from optopad.design.fields.finding import NO_VERDICT, Finding, outside_models
-from optopad.design.once import once
 from optopad.design.rules.check import require_scope
 from optopad.design.rules.shape import CROWNED_LAYER_RANGE, NEAREST_WALL, is_wide
-from optopad.design.shape.cavity import cavity_of, plan_of, workspace_of
-from optopad.design.spec import SensorDesign
+from optopad.design.spec import Cavity, SensorDesign
 from optopad.design.spec.indenter import tip_words
-from optopad.design.spec.properties import youngs_modulus_mpa
 from optopad.sims.contact.library.live_press import live_note, live_press, mesh_size
 from optopad.sims.contact.library.profile_library import shipped_library
-from optopad.sims.contact.library.profiles import UnitPress
 from optopad.sims.contact.library.smooth_press import SmoothPress
 from optopad.sims.contact.library.solved_press import LARGEST_CHANGE, ROUNDS, PlacedPress, SolvedPress
-from optopad.sims.contact.scope import (
-    ContactSolveError,
-    depth_limit_mm,
-    elastic_depth_mm,
-    half_width_of,
-    layer_depth,
-    mean_crown,
-    require_depth,
-    tip_radius_mm,
-    wall_radius,
-)
-from optopad.sims.contact.tip import HEMISPHERE, tip_of
+from optopad.sims.contact.library.stored_press import UnitPress
+from optopad.sims.contact.scope import Contact, ContactSolveError, Place, contact_of, half_width_of
+from optopad.sims.contact.tip import HEMISPHERE
 from optopad.sims.contact.walls import surroundings
 from optopad.sims.press import Indentation
 
-Place = tuple[float, float]
 
-
-def crowned_press(design: SensorDesign, at_mm: Place | None) -> SmoothPress:
+def crowned_press(contact: Contact, at_mm: Place | None) -> SmoothPress:
     """Presses of every depth at one location of a pad with a convex top, from the shipped library.
 
     Parameters
@@ -81,12 +65,12 @@ def crowned_press(design: SensorDesign, at_mm: Place | None) -> SmoothPress:
     ------
     ModelScopeError : the tip is not a hemisphere, or the library does not cover the layer or crown
     """
-    if tip_of(design.indenter) != HEMISPHERE:
+    if contact.tip != HEMISPHERE:
         raise ModelScopeError(
-            f"indenter.shape: '{design.indenter.shape}', but only a hemisphere is pressed into a crowned pad; "
+            f"indenter.shape: '{contact.design.indenter.shape}', but only a hemisphere is pressed into a crowned pad; "
             "use one, or leave the crown out"
         )
-    layer, tip = layer_depth(design, at_mm), tip_radius_mm(design)
+    layer, tip = contact.layer_at(at_mm), contact.tip_radius_mm
     low, high = CROWNED_LAYER_RANGE
     if not low - 1e-9 <= layer <= high + 1e-9:
         raise ModelScopeError(
@@ -94,17 +78,17 @@ def crowned_press(design: SensorDesign, at_mm: Place | None) -> SmoothPress:
             f"pressed location; presses into crowned pads are solved for {low * tip:.4g} to "
             f"{high * tip:.4g} mm with this tip; change it, or indenter.tip_radius_mm"
         )
-    return shipped_library().press(layer, wall_radius(design), mean_crown(design))
+    return shipped_library().press(layer, contact.wall_radius, contact.mean_crown)
 
 
-def round_walls_mm(design: SensorDesign, at_mm: Place | None) -> tuple[float, float] | None:
+def round_walls_mm(contact: Contact, at_mm: Place | None) -> tuple[float, float] | None:
     """Distances from a location to the nearest and the farthest wall [mm]; None if the pad has no round walls."""
-    outline = plan_of(design).outline
+    outline = contact.draft.plan.outline
     place = outline.centre_mm if at_mm is None else at_mm
     return (float(outline.gap_mm(*place)), outline.farthest_mm(*place)) if outline.arcs else None
 
 
-def require_place(design: SensorDesign, at_mm: Place) -> None:
+def require_place(contact: Contact, at_mm: Place) -> None:
     """Refuse a location (x, y) [mm] outside the pad, or nearer to a wall than the contact model covers.
 
     Raises
@@ -112,7 +96,7 @@ def require_place(design: SensorDesign, at_mm: Place) -> None:
     InputError : the location is outside the pad
     ModelScopeError : the location is too near a wall
     """
-    plan, tip = cavity_of(design).plan, tip_radius_mm(design)
+    plan, tip = contact.draft.cavity.plan, contact.tip_radius_mm
     if not all(map(math.isfinite, at_mm)) or not plan.contains(*at_mm):
         raise InputError(f"at_mm: x = {at_mm[0]:g}, y = {at_mm[1]:g} mm must lie in the pad")
     gap = float(plan.outline.gap_mm(*at_mm))
@@ -124,32 +108,9 @@ def require_place(design: SensorDesign, at_mm: Place) -> None:
         )
 
 
-__all__ = [
-    "depth_limit_mm",
-    "elastic_depth_mm",
-    "indent",
-    "modulus_mpa",
-    "solved_press",
-]
-
-
-def modulus_mpa(design: SensorDesign) -> float:
-    """Young's modulus of the elastomer [MPa].
-
-    Raises
-    ------
-    DesignError : the modulus is not a positive number
-    """
-    modulus = youngs_modulus_mpa(design)
-    if not (math.isfinite(modulus) and modulus > 0.0):
-        raise DesignError(f"elastomer.youngs_modulus_mpa: {modulus:g} MPa must be a positive number")
-    return modulus
-
-
-@once
-def is_in_library(design: SensorDesign) -> bool:
+def is_in_library(contact: Contact) -> bool:
     """Whether the shipped library covers a design, with a hemispherical tip and a layer thickness in its range."""
-    return tip_of(design.indenter) == HEMISPHERE and shipped_library().covers(round(layer_depth(design), 9))
+    return contact.tip == HEMISPHERE and shipped_library().covers(round(contact.layer, 9))
 
 
 @lru_cache(maxsize=64)
@@ -159,7 +120,7 @@ def _library_press(layer: float, wall: float) -> SmoothPress:
 
 
 def solved_press(
-    design: SensorDesign,
+    contact: Contact,
     max_depth_mm: float | None = None,
     mesh_mm: float | None = None,
     on_step: Callable[[float], None] | None = None,
@@ -170,7 +131,7 @@ def solved_press(
 
     Parameters
     ----------
-    design : the sensor
+    contact : the design's tip and pad
     max_depth_mm : deepest press required [mm]; None is the end of the design's usable range
     mesh_mm : node spacing under the tip [mm]. If given, the press is solved live. If None, it is taken from the shipped
         library, which has hemispheres and layers 1.3 to 6 tip radii thick. Other designs are solved live with a
@@ -183,17 +144,17 @@ def solved_press(
     DesignError, InputError : a value is not a positive number
     ModelScopeError : the layer, the depth, or a given `at_mm` is outside the range of the model
     """
-    press = round_press(design, max_depth_mm, mesh_mm, on_step, at_mm=at_mm)
-    if not plan_of(design).is_block:
+    press = round_press(contact, max_depth_mm, mesh_mm, on_step, at_mm=at_mm)
+    if not contact.draft.plan.is_block:
         if at_mm is not None:
-            require_place(design, at_mm)
+            require_place(contact, at_mm)
         return press
-    placed, told = _placed(design, press, at_mm, _deepest(design, max_depth_mm))
+    placed, told = _placed(contact.design.cavity, press, at_mm, _deepest(contact, max_depth_mm))
     return replace(press, placed=placed, notes=press.notes + told)
 
 
 def round_press(
-    design: SensorDesign,
+    contact: Contact,
     max_depth_mm: float | None = None,
     mesh_mm: float | None = None,
     on_step: Callable[[float], None] | None = None,
@@ -204,61 +165,48 @@ def round_press(
 
     Parameters and errors are those of `solved_press`. In a flat rectangular pad, the location has no effect.
     """
-    radius, layer, modulus = _pad_numbers(design)
-    deepest = _deepest(design, max_depth_mm) / radius
+    radius, layer, modulus = contact.tip_radius_mm, round(contact.layer, 9), contact.draft.modulus
+    deepest = _deepest(contact, max_depth_mm) / radius
     notes: tuple[str, ...] = ()
     unit: UnitPress | None = None
-    if not plan_of(design).top.is_flat:
-        smooth = crowned_press(design, at_mm)
-    elif mesh_mm is None and is_in_library(design):
-        smooth = _library_press(layer, round(wall_radius(design), 9))
+    if not contact.draft.plan.top.is_flat:
+        smooth = crowned_press(contact, at_mm)
+    elif mesh_mm is None and is_in_library(contact):
+        smooth = _library_press(layer, round(contact.wall_radius, 9))
     else:
         try:
-            unit, smooth, told = live_press(design, mesh_size(design, mesh_mm), deepest, on_step)
+            unit, smooth, told = live_press(contact, mesh_size(contact, mesh_mm), deepest, on_step)
         except ContactSolveError as err:
             raise ModelScopeError(
-                f"indenter.shape: a press of a {tip_words(design.indenter)} to {deepest * radius:g} mm is not solved "
-                f"({err}); lower operating.max_depth_mm, or use a rounder tip"
+                f"indenter.shape: a press of a {tip_words(contact.design.indenter)} to {deepest * radius:g} mm is not "
+                f"solved ({err}); lower operating.max_depth_mm, or use a rounder tip"
             ) from err
-        notes = (live_note(design, mesh_mm), *told)
+        notes = (live_note(contact, mesh_mm), *told)
     return SolvedPress(
         smooth=smooth,
         unit=unit,
         tip_radius_mm=radius,
-        youngs_modulus_mpa=modulus,
+        modulus=modulus,
         placed=None,
-        walls_mm=round_walls_mm(design, at_mm),
+        walls_mm=round_walls_mm(contact, at_mm),
         notes=notes,
     )
 
 
-@once
-def _pad_numbers(design: SensorDesign) -> tuple[float, float, float]:
-    """Tip radius [mm], elastic layer [tip radii] and modulus [MPa] of a design, which all its presses share."""
-    return tip_radius_mm(design), round(layer_depth(design), 9), modulus_mpa(design)
-
-
-def _deepest(design: SensorDesign, max_depth_mm: float | None) -> float:
+def _deepest(contact: Contact, max_depth_mm: float | None) -> float:
     """The deepest press required [mm]; None is the design's. Refuse it if it is deeper than the model covers."""
-    return (
-        _own_deepest(design) if max_depth_mm is None else require_depth(design, max_depth_mm, "max_depth_mm")
-    )
-
-
-@once
-def _own_deepest(design: SensorDesign) -> float:
-    return require_depth(design, design.operating.max_depth_mm, "operating.max_depth_mm")
+    return contact.deepest_mm if max_depth_mm is None else contact.require_depth(max_depth_mm, "max_depth_mm")
 
 
 def _placed(
-    design: SensorDesign, press: SolvedPress, at_mm: tuple[float, float] | None, deepest_mm: float
+    cavity: Cavity, press: SolvedPress, at_mm: Place | None, deepest_mm: float
 ) -> tuple[PlacedPress | None, tuple[str, ...]]:
     """Presses corrected for the rectangular pad's own walls at a location, and notes for the user.
 
     `at_mm` None is the middle. If the pad is too small for the wall model there, the presses are None and a note says
     why. If the wall model does not cover a given location, it raises `ModelScopeError` instead.
     """
-    cavity, smooth, tip = design.cavity, press.smooth, press.tip_radius_mm
+    smooth, tip = press.smooth, press.tip_radius_mm
     size = cavity.length_mm / tip, cavity.width_mm / tip
     at = (0.5 * size[0], 0.5 * size[1]) if at_mm is None else (at_mm[0] / tip, at_mm[1] / tip)
     try:
@@ -280,24 +228,24 @@ LAYER_STIFFNESS = (1.0, 1.2, 1.4)
 radius over thickness. It is within 2 % of W. C. Hayes et al., J. Biomechanics 5 (1972), up to a ratio of 1."""
 
 
-def wall_findings(design: SensorDesign) -> Iterator[Finding]:
+def wall_findings(contact: Contact) -> Iterator[Finding]:
     """A finding if the walls change the deepest press at the workspace's corner more than the contact model covers.
 
     No press is solved: the force follows from the tip's outline (`force_in_advance`), the lift of the top by the walls
     from the linear layer. The solved press is checked again before any light is traced (`require_corner`).
     """
-    tip, space = tip_radius_mm(design), workspace_of(design)
+    tip, space, design = contact.tip_radius_mm, contact.draft.workspace, contact.design
     size = design.cavity.length_mm / tip, design.cavity.width_mm / tip
-    if is_wide(Draft(design)) or space.is_empty:
+    if is_wide(contact.draft) or space.is_empty:
         return
-    layer, wall, depth = layer_depth(design), wall_radius(design), design.operating.max_depth_mm / tip
+    layer, wall, depth = contact.layer, contact.wall_radius, design.operating.max_depth_mm / tip
 
     def change(x_mm: float, y_mm: float) -> float:
         """Change of the depth by the walls at a location, over the depth [-]."""
         lift = 3.0 * float(surroundings(layer, wall, size, (x_mm / tip, y_mm / tip)).on_axis.mean())
         found = depth
         for _ in range(ROUNDS):
-            found = depth + lift * force_in_advance(design, min(found, 2.0 * depth))
+            found = depth + lift * force_in_advance(contact, min(found, 2.0 * depth))
         return found / depth - 1.0
 
     at, margin = (space.x0_mm, space.y0_mm), design.operating.workspace_margin_mm
@@ -319,7 +267,7 @@ def wall_findings(design: SensorDesign) -> Iterator[Finding]:
     )
 
 
-def force_in_advance(design: SensorDesign, depth: float) -> float:
+def force_in_advance(contact: Contact, depth: float) -> float:
     """Estimated force of a press into the design's layer, without solving it [E R²].
 
     The contact grows through flat punches of radius a (Popov's dimensionality reduction): depth d(a) = a ∫ h'(r) /
@@ -331,39 +279,37 @@ def force_in_advance(design: SensorDesign, depth: float) -> float:
     depth : press depth [tip radii]
     """
     edges = np.linspace(0.0, 1.0, 201)
-    middles, rises = 0.5 * (edges[1:] + edges[:-1]), np.diff(tip_of(design.indenter).height(edges))
+    middles, rises = 0.5 * (edges[1:] + edges[:-1]), np.diff(contact.tip.height(edges))
     radii = edges[1:]
     reach = np.where(middles < radii[:, None], radii[:, None] ** 2 - middles**2, np.inf)
     depths = radii * (rises / np.sqrt(reach)).sum(axis=1)
-    slopes = (
-        8.0 / 3.0 * radii * np.polynomial.polynomial.polyval(radii / layer_depth(design), LAYER_STIFFNESS)
-    )
+    slopes = 8.0 / 3.0 * radii * np.polynomial.polynomial.polyval(radii / contact.layer, LAYER_STIFFNESS)
     forces = np.append(0.0, np.cumsum(0.5 * (slopes[1:] + slopes[:-1]) * np.diff(depths)))
     return float(np.interp(depth, depths, forces) + slopes[-1] * max(depth - depths[-1], 0.0))
 
 
-def require_covered(design: SensorDesign) -> None:
+def require_covered(contact: Contact) -> None:
     """Refuse a design on which the models give no verdict, as far as this is known before a press is solved.
 
     Raises
     ------
     ModelScopeError : a rule's finding or the walls say so; the message has value, limit and way out.
     """
-    require_scope(design)
-    for one in wall_findings(design):
+    require_scope(contact.design)
+    for one in wall_findings(contact):
         raise ModelScopeError(str(one).replace(NO_VERDICT, ""))
 
 
-def require_corner(design: SensorDesign) -> None:
+def require_corner(contact: Contact) -> None:
     """Refuse a design with a press at the workspace's corner that the contact model does not cover, once it is solved.
 
     Raises
     ------
     ModelScopeError : the model does not cover it.
     """
-    space = workspace_of(design)
+    space = contact.draft.workspace
     if not space.is_empty:
-        solved_press(design, at_mm=space.clamped(space.x0_mm, space.y0_mm))
+        solved_press(contact, at_mm=space.clamped(space.x0_mm, space.y0_mm))
 
 
 def _require_inside(design: SensorDesign, at_mm: tuple[float, float]) -> None:
@@ -401,8 +347,9 @@ def indent(
     DesignError, InputError : a value is not a number, or the location is outside the cavity
     ModelScopeError : the layer, depth or location is outside the range of the model
     """
-    require_depth(design, depth_mm, "depth_mm")
+    contact = contact_of(design)
+    contact.require_depth(depth_mm, "depth_mm")
     if at_mm is not None:
         _require_inside(design, at_mm)
     deepest = max(depth_mm, design.operating.max_depth_mm)
-    return solved_press(design, deepest, mesh_mm, at_mm=at_mm).at(depth_mm)
+    return solved_press(contact, deepest, mesh_mm, at_mm=at_mm).at(depth_mm)

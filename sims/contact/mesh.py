@@ -45,7 +45,7 @@ import mujoco
 import numpy as np
 
 from optopad.design.arrays import BoolArray, FloatArray, IntArray
-from optopad.sims.contact.crown import crown_drop, require_rim
+from optopad.sims.contact.scope import crown_drop, require_rim
 
 FINE_RADIUS = 4 / 3
 """Radius of the finely meshed zone under the tip [tip radii]."""

@@ -15,10 +15,10 @@ from scipy.interpolate import PchipInterpolator
 
 from optopad.design.arrays import FloatArray
 from optopad.design.errors import ModelScopeError
-from optopad.design.shape.cavity import cavity_of, plan_of
 from optopad.design.spec import SensorDesign
 from optopad.sims.contact.indentation import solved_press
 from optopad.sims.contact.library.solved_press import PlacedPress, SolvedPress
+from optopad.sims.contact.scope import Contact, contact_of
 from optopad.sims.press import Indentation
 
 _STEP = 1e-6
@@ -88,7 +88,7 @@ def pad_surface(
     ModelScopeError : the contact model does not cover the tip, layer, depth or location
     """
     size = (design.cavity.length_mm, design.cavity.width_mm)
-    solved = solved_press(design, max(depth_mm, design.operating.max_depth_mm), at_mm=at_mm)
+    solved = solved_press(contact_of(design), max(depth_mm, design.operating.max_depth_mm), at_mm=at_mm)
     return PadSurface(
         near=solved.near_at(depth_mm),
         solved=solved,
@@ -97,11 +97,12 @@ def pad_surface(
     )
 
 
-def pad_surfaces(design: SensorDesign, presses_mm: FloatArray) -> Iterator[PadSurface]:
+def pad_surfaces(contact: Contact, presses_mm: FloatArray) -> Iterator[PadSurface]:
     """Yield the top under each of many presses (n, 3) at x, y, depth > 0 [mm]; errors are those of `pad_surface`."""
+    design = contact.design
     deepest = float(max(presses_mm[:, 2].max(initial=0.0), design.operating.max_depth_mm))
-    middle, size = solved_press(design, deepest), (design.cavity.length_mm, design.cavity.width_mm)
-    tip, is_block = middle.tip_radius_mm, plan_of(design).is_block
+    middle, size = solved_press(contact, deepest), (design.cavity.length_mm, design.cavity.width_mm)
+    tip, is_block = middle.tip_radius_mm, contact.draft.plan.is_block
     for x, y, depth_mm in presses_mm.tolist():
         if is_block:
             placed = PlacedPress(
@@ -109,7 +110,7 @@ def pad_surfaces(design: SensorDesign, presses_mm: FloatArray) -> Iterator[PadSu
             )
             solved = replace(middle, placed=placed)
         else:
-            solved = solved_press(design, deepest, at_mm=(x, y))
+            solved = solved_press(contact, deepest, at_mm=(x, y))
         yield _remembered(solved, depth_mm, (x, y), size)
 
 
@@ -117,7 +118,7 @@ def _remembered(
     solved: SolvedPress, depth_mm: float, at_mm: tuple[float, float], size_mm: tuple[float, float]
 ) -> PadSurface:
     """The pad surface of a press, from the cache if it is there; designs with the same press share one object."""
-    press = (id(solved.smooth), solved.tip_radius_mm, solved.youngs_modulus_mpa, solved.walls_mm)
+    press = (id(solved.smooth), solved.tip_radius_mm, solved.modulus.value, solved.walls_mm)
     key = (*press, solved.placed is None, depth_mm, *at_mm, *size_mm)
     found = _SURFACES.get(key)
     if found is None:
@@ -133,27 +134,29 @@ NOTED_FORCE_CHANGE = 0.03
 """
 
 
-def edge_force_note(design: SensorDesign) -> str | None:
+def edge_force_note(contact: Contact) -> str | None:
     """A note on how much near walls change the force at the workspace's corner; None if the change is small.
 
     In pads other than flat rectangular ones, the change is due to a thinner border, not to a nearer wall.
     """
-    space, depth_mm = cavity_of(design).workspace, design.operating.max_depth_mm
+    space, depth_mm = contact.draft.workspace, contact.design.operating.max_depth_mm
     corner = space.clamped(space.x0_mm, space.y0_mm)
     try:
-        ratio = solved_press(design, at_mm=corner).force_n(depth_mm) / solved_press(design).force_n(depth_mm)
+        ratio = solved_press(contact, at_mm=corner).force_n(depth_mm) / solved_press(contact).force_n(
+            depth_mm
+        )
     except ModelScopeError as err:
         return f"walls: a press at the workspace corner is outside the contact model ({err})"
     if abs(ratio - 1.0) < NOTED_FORCE_CHANGE:
         return None
     does, percent = "stiffen" if ratio > 1.0 else "soften", f"{100.0 * abs(ratio - 1.0):.0f} %"
-    if plan_of(design).is_block:
+    if contact.draft.plan.is_block:
         return f"walls {does} the pad by {percent} at the workspace corner ({corner[0]:g}, {corner[1]:g}) mm"
     where = f"at the workspace border ({corner[0]:.3g}, {corner[1]:.3g}) mm"
     return f"the crown {does}s the pad by {percent} {where}"
 
 
-def contact_notes(design: SensorDesign) -> tuple[str, ...]:
+def contact_notes(contact: Contact) -> tuple[str, ...]:
     """All notes for the user about a design's press: about its solution, and about the effect of the walls."""
-    walls = edge_force_note(design)
-    return (*solved_press(design).notes, *((walls,) if walls else ()))
+    walls = edge_force_note(contact)
+    return (*solved_press(contact).notes, *((walls,) if walls else ()))

@@ -77,6 +77,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from optopad.design.arrays import FloatArray
+from optopad.design.draft import Draft
 from optopad.design.progress import OnStep
 from optopad.design.spec import SensorDesign
 from optopad.sims.bounds.fisher import SEED_GAP, ZERO_SIGMAS
@@ -169,7 +170,7 @@ def calibrated(
     def light(values: FloatArray, press_mm: FloatArray, half: int) -> FloatArray:
         build = with_values(design, unknowns, np.clip(middle + spread * values, low, high))
         own = seed + LIGHT_SEED + SEED_GAP * half
-        return trace(build, press_mm, accuracy=accuracy, seed=own).flux.reshape(len(press_mm), -1)
+        return trace(Draft.of(build), press_mm, accuracy=accuracy, seed=own).flux.reshape(len(press_mm), -1)
 
     found = fitted(
         light,

@@ -40,6 +40,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from optopad.design.arrays import FloatArray
+from optopad.design.draft import Draft
 from optopad.design.progress import OnShare
 from optopad.design.shape.cavity import workspace_of
 from optopad.design.spec import SensorDesign
@@ -158,7 +159,7 @@ def chain_bounds(
     halves = []
     for half in range(2):
         light = trace(
-            design,
+            Draft.of(design),
             presses,
             accuracy=accuracy,
             seed=seed + SEED_GAP * half,

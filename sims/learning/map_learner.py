@@ -20,7 +20,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from platform import python_version
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -30,12 +29,13 @@ from optopad.design.progress import OnStep
 from optopad.design.spec import SensorDesign
 from optopad.sims.contact.force_curve import force_curve
 from optopad.sims.contact.indentation import solved_press
-from optopad.sims.learning.fits.touch import sigma_table
+from optopad.sims.contact.scope import contact_of
 from optopad.sims.learning.inference.header import ForceCurve, ModelHeader
-from optopad.sims.learning.inference.sigma_table import UNIT_SIGMA, SigmaTable
 from optopad.sims.learning.inference.signal_map import KIND, Box, ReadingNoise, SignalMapModel
+from optopad.sims.learning.inference.touch_model import UNIT_SIGMA, SigmaTable
+from optopad.sims.learning.learners import DEFAULT, FitSettings, Learner
 from optopad.sims.learning.samples import CLEARLY_UNTOUCHED_MM, SIGMA_OF_TIP
-from optopad.sims.learning.settings import DEFAULT, FitSettings
+from optopad.sims.learning.touch_fit import sigma_table
 from optopad.sims.learning.traced_map import (
     DEPTH_NODES,
     PITCH_MM,
@@ -46,9 +46,6 @@ from optopad.sims.learning.traced_map import (
     traced_map,
 )
 from optopad.sims.readings.dataset import PressData
-
-if TYPE_CHECKING:
-    from optopad.sims.learning.learners import Learner
 
 MAP_SEED = 104_729
 """Number added to the seed for the map's light. Simulated data use the seed itself, and the map must not share their
@@ -236,8 +233,8 @@ def map_header(design: SensorDesign, data: PressData, found: SignalMap, seed: in
     force curve is for a press in the middle of the design's pad.
     """
     deepest = design.operating.max_depth_mm
-    press = solved_press(design, max_depth_mm=deepest)
-    curve = force_curve(design, press, np.linspace(0.0, deepest, FORCE_DEPTHS))
+    press = solved_press(contact_of(design), max_depth_mm=deepest)
+    curve = force_curve(press, np.linspace(0.0, deepest, FORCE_DEPTHS))
     return ModelHeader(
         kind=KIND,
         design_digest=data.design_digest,

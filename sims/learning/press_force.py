@@ -47,6 +47,7 @@ from scipy.interpolate import PchipInterpolator
 from optopad.design.arrays import BoolArray, FloatArray, IntArray
 from optopad.design.spec import SensorDesign
 from optopad.sims.contact.indentation import solved_press
+from optopad.sims.contact.scope import contact_of
 
 LOG_MODULUS, EXCESS, LOG_TIME, ZERO_MM, CLOCK_S, RATE, TING, BACKLASH_MM = range(8)
 """Places of ln a, e, ln τ, δ, b, r, κ and β in a vector of unknowns."""
@@ -286,7 +287,7 @@ def _window(
 ) -> PressWindow:
     press_mm = path.press_mm[rows]
     x, y, deepest = press_mm[int(np.argmax(press_mm[:, 2]))]
-    solved = solved_press(design, float(deepest), at_mm=(float(x), float(y)))
+    solved = solved_press(contact_of(design), float(deepest), at_mm=(float(x), float(y)))
     depths = np.linspace(0.0, deepest, FORCE_DEPTHS)
     curve = PchipInterpolator(depths, [solved.force_n(float(depth)) for depth in depths])
     time_s = path.time_s[rows]

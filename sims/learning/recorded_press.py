@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optopad.design.arrays import FloatArray
+from optopad.design.draft import Draft
 from optopad.design.errors import InputError
 from optopad.design.shape.cavity import cavity_of, chord_midpoint_mm, judged_pairs, mask_of, pair_name
 from optopad.design.spec import SensorDesign
@@ -182,18 +183,19 @@ def _place(
 def _simulated(
     design: SensorDesign, place_mm: tuple[float, float], pairs: tuple[Pair, ...], seed: int
 ) -> tuple[JudgedPair, ...]:
-    cavity = cavity_of(design)
+    draft = Draft.of(design)
+    cavity = draft.cavity
     depth_mm = depth_schedule_mm(design.operating.max_depth_mm)
     states = states_of(np.array([place_mm]), np.concatenate([[0.0], depth_mm]))
     masks = np.repeat(mask_of(pairs, cavity)[np.newaxis], len(states), axis=0)
     masks[0] = True
-    light = trace(design, states, accuracy=PAIR_ACCURACY, seed=seed, pairs=masks)
-    readout = readout_of(design, light.flux[0], mask_of(judged_pairs(cavity), cavity))
+    light = trace(draft, states, accuracy=PAIR_ACCURACY, seed=seed, pairs=masks)
+    readout = readout_of(draft, light.flux[0], mask_of(judged_pairs(cavity), cavity))
     found = []
     for pair in pairs:
         curves = curves_of(light, pair, place_mm, slice(1, None), depth_mm)
         name = pair_name(cavity, pair)
-        found.append(JudgedPair(name=name, curves=curves, score=score_curves(design, curves, readout)))
+        found.append(JudgedPair(name=name, curves=curves, score=score_curves(curves, readout)))
     return tuple(found)
 
 

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from optopad.design.arrays import BoolArray, FloatArray, IntArray
 from optopad.design.errors import InputError
-from optopad.sims.learning.inference.feature_scaling import FeatureScaling
 from optopad.sims.learning.inference.header import ModelHeader
+from optopad.sims.learning.inference.touch_model import FeatureScaling
 from optopad.sims.press import place_numbers
 from optopad.sims.readings.dataset import PressData
 

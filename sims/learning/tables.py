@@ -28,7 +28,7 @@ from optopad.design.arrays import BoolArray, FloatArray, IntArray
 from optopad.design.errors import InputError
 from optopad.design.preset import preset
 from optopad.design.spec import SensorDesign
-from optopad.sims.learning.inference.prediction import Prediction
+from optopad.sims.learning.inference.touch_model import Prediction
 from optopad.sims.press import place_numbers
 from optopad.sims.readings.press_data import PressData
 

@@ -25,6 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from optopad.design.arrays import FloatArray, IntArray
+from optopad.design.draft import Draft
 from optopad.design.errors import InputError
 from optopad.design.progress import OnStep
 from optopad.design.rules.shape import NEAREST_WALL
@@ -33,7 +34,7 @@ from optopad.design.shape.outline import Outline
 from optopad.design.spec import SensorDesign
 from optopad.sims.contact.force_curve import force_curve
 from optopad.sims.contact.indentation import solved_press
-from optopad.sims.contact.scope import depth_limit_mm
+from optopad.sims.contact.scope import contact_of
 from optopad.sims.learning.inference.header import ForceCurve
 from optopad.sims.learning.inference.signal_map import TensorSpline, fitted_spline
 from optopad.sims.optics.accuracy import Accuracy
@@ -49,7 +50,7 @@ def load_curve(design: SensorDesign) -> ForceCurve:
     ModelScopeError : the contact model does not cover the deepest press.
     """
     deepest = design.operating.max_depth_mm
-    found = force_curve(design, solved_press(design, deepest), depth_schedule_mm(deepest, COARSE_STEP_MM))
+    found = force_curve(solved_press(contact_of(design), deepest), depth_schedule_mm(deepest, COARSE_STEP_MM))
     return ForceCurve(
         depth_mm=tuple(float(depth) for depth in found.depth_mm),
         force_n=tuple(float(force) for force in found.force_n),
@@ -139,7 +140,7 @@ def map_nodes(
     beside = design.operating.workspace_margin_mm
     to_scope = beside - (NEAREST_WALL - 1.0) * design.indenter.tip_radius_mm
     margin = max(0.0, min(MARGIN_MM, 0.5 * beside, to_scope))
-    deepest = min(design.operating.max_depth_mm + BEYOND_MM, depth_limit_mm(design))
+    deepest = min(design.operating.max_depth_mm + BEYOND_MM, contact_of(design).depth_limit_mm)
     return (
         _line(space.x0_mm - margin, space.x1_mm + margin, pitch_mm),
         _line(space.y0_mm - margin, space.y1_mm + margin, pitch_mm),
@@ -223,7 +224,7 @@ def traced_map(
     )
     tell = on_step or (lambda _stage, _share: None)
     light = trace(
-        design,
+        Draft.of(design),
         np.concatenate([[[x_mm.mean(), y_mm.mean(), 0.0]], presses]),
         accuracy=accuracy,
         seed=seed,
@@ -283,7 +284,7 @@ def measured_error(
     )
     tell = on_step or (lambda _stage, _share: None)
     light = trace(
-        design,
+        Draft.of(design),
         press_mm,
         accuracy=accuracy,
         seed=seed,

@@ -1,6 +1,6 @@
 """Light: rays from every emitter to every receiver through the deformed pad."""
 
-from optopad.sims.optics.light_signals import LightSignals
+from optopad.sims.optics.accuracy import LightSignals
 from optopad.sims.optics.tracing import trace
 
 __all__ = ["LightSignals", "trace"]

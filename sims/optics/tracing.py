@@ -17,16 +17,16 @@ import numba
 import numpy as np
 
 from optopad.design.arrays import BoolArray, FloatArray
+from optopad.design.draft import Draft
 from optopad.design.errors import InputError
 from optopad.design.spec import SensorDesign
 from optopad.sims.cache import GatheredLight, folder_fingerprint, light_store
-from optopad.sims.optics.accuracy import LADDER, Accuracy, accuracy_of
+from optopad.sims.optics.accuracy import LADDER, Accuracy, LightSignals, accuracy_of
 from optopad.sims.optics.engine.general.lower import FormedStack
 from optopad.sims.optics.engine.general.pad import formed_ways
 from optopad.sims.optics.engine.threads import run_each
 from optopad.sims.optics.engine.trace_states import CLASS_NAMES, RawLight, Tops, trace_scene, trace_tops
 from optopad.sims.optics.engine.untouched import untouched_pad
-from optopad.sims.optics.light_signals import LightSignals
 from optopad.sims.optics.scene.lower import scene_of
 from optopad.sims.optics.scene.optical_scene import OpticalScene, SmoothField, smooth_field, sum_of_fields
 from optopad.sims.optics.scene.symmetry import StateClasses, state_classes
@@ -49,7 +49,7 @@ its slopes by 1.0e-3 rms at most, even within a third of a millimetre of the wal
 
 
 def trace(
-    design: SensorDesign,
+    draft: Draft,
     presses: FloatArray,
     profile: Profile | None = None,
     accuracy: str | float | Accuracy = "standard",
@@ -58,13 +58,13 @@ def trace(
     on_step: Callable[[int, int], None] | None = None,
     fields: Sequence[SmoothField | None] | None = None,
 ) -> LightSignals:
-    """Trace a design's pad for a list of presses. Light that was traced before is read from disk (`light_store`).
+    """Trace a pad for a list of presses. Light that was traced before is read from disk (`light_store`).
 
     The light of each press is stored as soon as it is traced, so an interrupted trace continues where it stopped.
 
     Parameters
     ----------
-    design : the sensor
+    draft : the sensor, such as `Pad.of(design)`
     presses : (state, 3) or (state, tip, 3) x, y and depth of each press [mm]. A depth of 0 or less means untouched; in
         (state, tip, 3), NaN stands for an absent tip
     profile : surface to use unchanged. An indentation is used for all tips and states. A sequence has one entry per
@@ -81,11 +81,11 @@ def trace(
     InputError : presses have a wrong shape or are outside the block, or a profile is invalid.
     ModelScopeError : dimples of tips overlap, or the contact or surface model does not cover a press.
     """
-    tips, scene = _tips(presses), scene_of(design)
+    tips, scene = _tips(presses), scene_of(draft.design)
     wanted: dict[str, Any] = {"accuracy": accuracy, "seed": seed, "pairs": pairs}
     if profile is None:
         classes = _classes(scene, tips)
-        raw = _kept_one_by_one(_tops_of_presses(design, scene, tips, classes), classes, wanted, on_step)
+        raw = _kept_one_by_one(_tops_of_presses(draft.design, scene, tips, classes), classes, wanted, on_step)
     else:
         given = _given_indentations(tips, profile)
         wanted |= {"on_step": on_step, "kept": light_store()}
@@ -96,7 +96,7 @@ def trace(
         standard_error=raw.standard_error,
         change_error=raw.change_error,
         presses=tips[:, 0] if tips.shape[1] == 1 else tips,
-        digest=design.digest,
+        digest=draft.design.digest,
         seed=seed,
         relative_error=raw.relative_error,
         is_met=raw.is_met,
@@ -253,10 +253,11 @@ def _tops(
     design: SensorDesign, scene: OpticalScene, presses: FloatArray
 ) -> Iterator[tuple[Indentation, SmoothField | None]]:
     from optopad.sims.contact.pad_surface import pad_surfaces
+    from optopad.sims.contact.scope import contact_of
 
     if len(presses) == 0:
         return
-    for surface in pad_surfaces(design, presses):
+    for surface in pad_surfaces(contact_of(design), presses):
         yield surface.near, None if scene.form is not None else _smooth_part(surface, scene)
 
 

@@ -43,13 +43,7 @@ from optopad.sims.readings.label_checks import (
     require_possible_readings,
     require_true_labels,
 )
-from optopad.sims.readings.press_data import (
-    CONVERTED,
-    PressData,
-    clipped_note,
-    data_notes,
-    joined,
-)
+from optopad.sims.readings.press_data import CONVERTED, PressData, clipped_note, data_notes, joined
 
 if TYPE_CHECKING:
     import xarray as xr

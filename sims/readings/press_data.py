@@ -34,6 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optopad.design.arrays import BoolArray, FloatArray, IntArray
+from optopad.design.draft import Draft
 from optopad.design.errors import InputError, ModelScopeError
 from optopad.design.recordings import LOSSES, OFF, ROLES, SetEntry, signals_of
 from optopad.design.spec import SensorDesign
@@ -370,11 +371,11 @@ def knots_mm(design: SensorDesign, *, is_coarse: bool = False, deepest_mm: float
     -------
     (knot,) depths, increasing from 0 [mm]
     """
-    from optopad.sims.contact.scope import depth_limit_mm
+    from optopad.sims.contact.scope import contact_of
 
     scale = design.indenter.tip_radius_mm / KNOTS_TIP_MM
     wanted = design.operating.max_depth_mm if deepest_mm is None else deepest_mm
-    end = max(min(wanted + _spare_mm(design), depth_limit_mm(design)), wanted)
+    end = max(min(wanted + _spare_mm(design), contact_of(design).depth_limit_mm), wanted)
     knots = [one * scale for one in (COARSE_KNOTS_MM if is_coarse else KNOTS_MM)]
     kept = [one for one in knots if one < end - 0.25 * scale * (one > scale)]
     return np.round([*kept, end], 6)
@@ -421,6 +422,6 @@ def traced_curves(
         raise InputError(f"places: shape {places.shape}, needs (location, 2) of finite x, y, one at least")
     knots = knots_mm(design) if depth_mm is None else np.asarray(depth_mm, dtype=np.float64)
     states = np.array([[x, y, depth] for x, y in places for depth in knots])
-    light = trace(design, states, accuracy=accuracy, seed=seed, on_step=on_step)
+    light = trace(Draft.of(design), states, accuracy=accuracy, seed=seed, on_step=on_step)
     flux = light.flux.reshape(len(places), len(knots), *light.flux.shape[1:])
     return PressCurves(places_mm=places, depth_mm=knots, flux=flux)

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from optopad.design.arrays import FloatArray, IntArray
+from optopad.design.draft import Draft
 from optopad.design.errors import InputError
 from optopad.design.press_protocol import PressProtocol
 from optopad.design.progress import OnStep
@@ -109,8 +110,8 @@ def protocol_curves(
 
 def untouched_readout(design: SensorDesign, untouched_flux: FloatArray) -> Readout:
     """Gains by the design's rule from the flux (emitter, receiver) without contact; the verdict uses the same gains."""
-    cavity = cavity_of(design)
-    return readout_of(design, untouched_flux, mask_of(judged_pairs(cavity), cavity))
+    draft = Draft.of(design)
+    return readout_of(draft, untouched_flux, mask_of(judged_pairs(draft.cavity), draft.cavity))
 
 
 def draw(

@@ -24,13 +24,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from optopad.design.arrays import BoolArray, FloatArray
-from optopad.design.circuit.circuit import Circuit
-from optopad.design.circuit.transimpedance import fitted_counts_per_flux, full_scale_counts
+from optopad.design.circuit.transimpedance import fitted_counts_per_flux
+from optopad.design.draft import Draft
 from optopad.design.errors import ModelScopeError
 from optopad.design.files import whole_file
 from optopad.design.shape.cavity import CavityGeometry
 from optopad.design.spec import SensorDesign
-from optopad.sims.optics.light_signals import LightSignals
+from optopad.sims.optics.accuracy import LightSignals
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -44,19 +44,28 @@ quarter more light onto the brightest pairs.
 
 @dataclass(frozen=True, kw_only=True)
 class Readout:
-    """Gains of the receivers, and the converter's range.
+    """Gains of the receivers, the converter's range, and the noise of a reading.
 
     Attributes
     ----------
     counts_per_flux : ADC counts if all of an emitter's power reached one receiver; the median over the receivers
         [counts]
     full_scale_counts : largest reading of the converter [counts]
-    by_receiver : the same for each receiver, in order [counts]; empty if all have one common gain
+    read_noise_counts : standard deviation of a reading in the dark, without rounding [counts]
+    relative_noise : standard deviation of the light, divided by its mean [-]
+    by_receiver : the same as `counts_per_flux` for each receiver, in order [counts]; empty if all have one common gain
     """
 
     counts_per_flux: float
     full_scale_counts: float
+    read_noise_counts: float
+    relative_noise: float
     by_receiver: tuple[float, ...] = ()
+
+    @property
+    def noise(self) -> dict[str, float]:
+        """The noise of a reading, as keyword arguments for the functions of the verdict."""
+        return {"read_noise_counts": self.read_noise_counts, "relative_noise": self.relative_noise}
 
     @property
     def gains(self) -> FloatArray:
@@ -89,7 +98,7 @@ class Readout:
         return np.minimum(flux * self.gains, self.full_scale_counts)
 
 
-def readout_of(design: SensorDesign, untouched_flux: FloatArray, reference: BoolArray) -> Readout:
+def readout_of(draft: Draft, untouched_flux: FloatArray, reference: BoolArray) -> Readout:
     """The gains of a design by its rule: from the light without contact, or from the mounted resistors.
 
     Parameters
@@ -101,18 +110,33 @@ def readout_of(design: SensorDesign, untouched_flux: FloatArray, reference: Bool
     ------
     ModelScopeError : the reference pairs receive no light, so no gain gives a signal.
     """
-    feedback, full_scale = design.gain.feedback_ohm, full_scale_counts(design)
+    design, full_scale = draft.design, draft.circuit.adc.full_scale_counts
+    feedback = design.gain.feedback_ohm
+    each: tuple[float, ...] = ()
     if feedback == "common":
         common = _gain_to_target(design, untouched_flux[reference], "the median judged pair receives")
-        return Readout(counts_per_flux=common, full_scale_counts=full_scale)
-    by_rule = feedback == "each"
-    each = _each(design, untouched_flux, reference) if by_rule else fitted_counts_per_flux(Circuit.of(design))
-    return Readout(counts_per_flux=float(np.median(each)), full_scale_counts=full_scale, by_receiver=each)
+    else:
+        each = (
+            _each(design, untouched_flux, reference, HEADROOM * full_scale)
+            if feedback == "each"
+            else fitted_counts_per_flux(draft.circuit)
+        )
+        common = float(np.median(each))
+    return Readout(
+        counts_per_flux=common,
+        full_scale_counts=full_scale,
+        read_noise_counts=design.value_noise_counts,
+        relative_noise=design.noise.relative_noise,
+        by_receiver=each,
+    )
 
 
-def _each(design: SensorDesign, flux: FloatArray, reference: BoolArray) -> tuple[float, ...]:
-    """Gain of each receiver, from its pairs in the mask `reference`; if none are, from all pairs in the mask."""
-    found, most = [], HEADROOM * full_scale_counts(design)
+def _each(design: SensorDesign, flux: FloatArray, reference: BoolArray, most: float) -> tuple[float, ...]:
+    """Gain of each receiver, from its pairs in the mask `reference`; if none are, from all pairs in the mask.
+
+    `most` is the largest reading of a receiver's brightest pair [counts].
+    """
+    found = []
     for receiver in range(flux.shape[1]):
         own = np.zeros_like(reference)
         own[:, receiver] = reference[:, receiver]
@@ -122,14 +146,14 @@ def _each(design: SensorDesign, flux: FloatArray, reference: BoolArray) -> tuple
     return tuple(found)
 
 
-def most_target_counts(design: SensorDesign, untouched_flux: FloatArray, reference: BoolArray) -> float:
+def most_target_counts(draft: Draft, untouched_flux: FloatArray, reference: BoolArray) -> float:
     """Largest useful `gain.target_counts` [counts].
 
     With one gain for all receivers, the brightest pair clips above it. With a gain for each, all gains have reached the
     limit that keeps their brightest pairs from clipping.
     """
-    full_scale = full_scale_counts(design)
-    if design.gain.feedback_ohm == "common":
+    full_scale = draft.circuit.adc.full_scale_counts
+    if draft.design.gain.feedback_ohm == "common":
         chosen = [untouched_flux[reference]]
     else:
         full_scale *= HEADROOM

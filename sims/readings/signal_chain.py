@@ -69,9 +69,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optopad.design.arrays import BoolArray, FloatArray
-from optopad.design.circuit.circuit import Circuit
+from optopad.design.circuit.circuit import MS_PER_S, US_PER_S, Circuit
 from optopad.design.circuit.emitter_switch import current_sink
-from optopad.design.circuit.link import MS_PER_S, US_PER_S
 from optopad.design.circuit.transimpedance import emitted_mw, feedbacks_of, responsivity_at
 from optopad.design.errors import ModelScopeError
 from optopad.design.recordings import lit_emitters, nearest_dark_states, with_one_dark
@@ -316,24 +315,6 @@ class SignalChain:
         if self.noise.quantised:
             np.rint(reading, out=reading)
         return reading.astype(np.float32)
-
-    def pair_sigma_counts(self, signal: FloatArray) -> FloatArray:
-        """Standard deviation of pairs' signals from frame to frame, with the off state subtracted [counts].
-
-        It includes noise and rounding of the pair's reading and of its dark readings, the rounding of the mean of two
-        dark readings to whole counts (variance 1/8), shot noise, and the emitter's fluctuation. It leaves out drift and
-        flicker (`flicker_sigma_counts`), which neighbouring pairs have in common.
-
-        Parameters
-        ----------
-        signal : (..., emitter, receiver) signals [counts]
-        """
-        rounding, of_mean = (1.0 / 12.0, 1.0 / 8.0) if self.noise.quantised else (0.0, 0.0)
-        each = self.noise.read_noise_counts**2 + rounding
-        earlier, later = nearest_dark_states(lit_emitters(len(self.gains), self.dark)).T[..., None]
-        dark = np.where(earlier == later, each, each / 2.0 + of_mean)
-        shot = self.shot_variance_per_count * np.maximum(signal, 0.0)
-        return np.sqrt(each + dark + shot + (self.noise.led_fluctuation * signal) ** 2)
 
     def flicker_sigma_counts(self) -> FloatArray:
         """Flicker of ambient light (emitter, receiver) that remains after the off state is subtracted, rms [counts].

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from optopad.design.progress import OnStep
+from optopad.design.shape.cavity import cavity_of
 from optopad.design.spec import SensorDesign
 from optopad.design.spec.tolerances import build_tolerances
 from optopad.sims.score.result import ContinuityScore, band_caution
@@ -52,7 +53,7 @@ def governing_judge(
         pair = next(pair for pair in score.pairs if pair.name == score.governing)
         return *pair_judge(pair.curves.pair, pair.name, seed=seed), pair.curves.press_mm
     weak = pad_map.weakest
-    return *place_judge(design, pad_map, light, readout, seed=seed), (weak.x_mm, weak.y_mm)
+    return *place_judge(cavity_of(design), pad_map, light, readout, seed=seed), (weak.x_mm, weak.y_mm)
 
 
 def _with_band(score: ContinuityScore, band: ToleranceBand) -> ContinuityScore:
@@ -89,7 +90,7 @@ def with_builds(
     if score.readout is None:
         return score
     tell = on_step or (lambda _stage, _share: None)
-    name, judge = verdict_judge(design, score.pad_map, score.pad_signals, score.readout, seed=seed)
+    name, judge = verdict_judge(cavity_of(design), score.pad_map, score.pad_signals, score.readout, seed=seed)
     recalled = remembered(judge, memo, name)
     tolerances = build_tolerances(design)
     band = tolerance_band(

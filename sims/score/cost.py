@@ -20,10 +20,10 @@ import numpy as np
 from optopad.design.arrays import FloatArray
 from optopad.design.errors import DesignError, InputError, ModelScopeError
 from optopad.design.press_protocol import QUICK_PROTOCOL, load_protocol_file
-from optopad.design.shape.cavity import cavity_of, is_facing_rows, plan_of
+from optopad.design.shape.cavity import cavity_of, is_facing_rows
 from optopad.design.spec import SensorDesign
 from optopad.sims.contact.indentation import is_in_library
-from optopad.sims.contact.scope import layer_depth, solved_depths, tip_radius_mm
+from optopad.sims.contact.scope import contact_of, solved_depths
 from optopad.sims.optics.accuracy import ACCURACIES, Accuracy
 from optopad.sims.optics.engine.general.lower import windows_of
 from optopad.sims.optics.engine.general.points import pitch_of
@@ -141,7 +141,7 @@ def _state_s(design: SensorDesign, settings: Accuracy) -> float:
     emitters, area_mm2 = len(scene.emitter_wall), scene.length_mm * scene.width_mm
     if scene.form is None:
         pairs = emitters * len(scene.receiver_wall)
-        return pairs * PAIR_S + TOP_S * area_mm2 / tip_radius_mm(design) ** 2
+        return pairs * PAIR_S + TOP_S * area_mm2 / design.indenter.tip_radius_mm**2
     top = scene.form.top
     kind = "flat" if top.is_flat else "sphere" if top.straight is None else "cylinder"
     pitch_mm = pitch_of(settings, windows_of(scene, "emitter"), windows_of(scene, "receiver"))
@@ -150,7 +150,8 @@ def _state_s(design: SensorDesign, settings: Accuracy) -> float:
 
 def _contact_s(design: SensorDesign) -> float:
     """Processor time to solve the presses of a tip or layer that the library does not have [s]."""
-    if not plan_of(design).top.is_flat or is_in_library(design):
+    contact = contact_of(design)
+    if not contact.draft.plan.top.is_flat or is_in_library(contact):
         return 0.0
-    deepest = design.operating.max_depth_mm / tip_radius_mm(design)
-    return LIVE_S * len(solved_depths(layer_depth(design), deepest))
+    deepest = design.operating.max_depth_mm / contact.tip_radius_mm
+    return LIVE_S * len(solved_depths(contact.layer, deepest))

@@ -16,18 +16,19 @@ from dataclasses import replace
 
 import numpy as np
 
+from optopad.design.draft import Draft
 from optopad.design.errors import OptopadError
 from optopad.design.fields.base import get_at
 from optopad.design.progress import OnStep
 from optopad.design.rules.check import require_valid
 from optopad.design.shape.cavity import cavity_of, is_facing_rows
 from optopad.design.spec import SensorDesign
-from optopad.design.spec.cheap_fields import CLEAR, HEIGHTS, TARGET, cheap_fields
+from optopad.design.spec.properties import CLEAR, HEIGHTS, TARGET, cheap_fields
 from optopad.sims.bounds.fisher import Steps, bounds_of, sensitivity
 from optopad.sims.bounds.observability import own_readout
 from optopad.sims.score.build_tolerance import governing_judge
 from optopad.sims.score.result import ContinuityScore
-from optopad.sims.verdict.builds import ACCURACY, BuildJudge, accuracy_of_builds
+from optopad.sims.verdict.builds import BuildJudge, accuracy_of_builds
 from optopad.sims.verdict.tolerance import Effect, FieldStep, FieldSteps
 
 STEPS = {**dict.fromkeys(HEIGHTS, 0.1), CLEAR: 0.5, TARGET: 25.0}
@@ -100,8 +101,9 @@ def _tried(
 def _effect(
     build: SensorDesign, judge: BuildJudge, place_mm: tuple[float, float], seed: int, *, is_facing: bool
 ) -> Effect:
-    brief = judge(build)
-    location_mm, depth_mm = _bounds_mm(build, place_mm, seed, is_facing=is_facing)
+    draft = Draft.of(build)
+    brief = judge(draft)
+    location_mm, depth_mm = _bounds_mm(draft, place_mm, seed, is_facing=is_facing)
     return Effect(
         usable_mm=build.operating.max_depth_mm if brief.usable_mm is None else brief.usable_mm,
         deadband_mm=brief.deadband_mm,
@@ -112,17 +114,16 @@ def _effect(
 
 
 def _bounds_mm(
-    build: SensorDesign, place_mm: tuple[float, float], seed: int, *, is_facing: bool
+    draft: Draft, place_mm: tuple[float, float], seed: int, *, is_facing: bool
 ) -> tuple[float | None, float | None]:
     """Bounds on location and on depth at half the deepest press [mm]; each is None if not resolved.
 
     For facing rows the bound on location is None, and the bound on depth takes the location as known.
     """
-    settings = accuracy_of_builds(build)
-    # the untouched pad of a disc or crown costs most, and is already traced with these settings
-    readout = own_readout(build, seed=seed, accuracy="standard" if settings == ACCURACY else settings)
-    voxel = np.array([[*place_mm, 0.5 * build.operating.max_depth_mm]])
-    found = bounds_of(sensitivity(build, voxel, readout, accuracy=settings, seed=seed, steps=Steps()))
+    settings = accuracy_of_builds(draft)
+    readout = own_readout(draft, seed=seed, accuracy=settings)  # traced with these settings already
+    voxel = np.array([[*place_mm, 0.5 * draft.design.operating.max_depth_mm]])
+    found = bounds_of(sensitivity(draft, voxel, readout, accuracy=settings, seed=seed, steps=Steps()))
     told = (np.inf, found.depth_alone_mm[0]) if is_facing else (found.location_mm[0], found.depth_mm[0])
     location_mm, depth_mm = (float(value) if np.isfinite(value) else None for value in told)
     return location_mm, depth_mm

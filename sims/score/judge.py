@@ -38,11 +38,11 @@ from typing import Literal
 import numpy as np
 
 from optopad.design.arrays import BoolArray, FloatArray
+from optopad.design.draft import Draft
 from optopad.design.progress import OnShare, OnStep
 from optopad.design.shape.cavity import (
     CavityGeometry,
     beside_chord,
-    cavity_of,
     direct_path_pairs,
     is_facing_rows,
     judged_pairs,
@@ -55,8 +55,8 @@ from optopad.sims.bounds.fisher import COARSE_DEPTHS_MM, FINE_DEPTHS_MM
 from optopad.sims.bounds.observability import BOUND_ACCURACIES, MANY_PAIRS_BOUNDS, PadBounds, pad_bounds
 from optopad.sims.contact.force_curve import ForceCurve, force_curve
 from optopad.sims.contact.indentation import require_corner, require_covered, solved_press
-from optopad.sims.optics.accuracy import ACCURACIES, Accuracy
-from optopad.sims.optics.light_signals import LightSignals
+from optopad.sims.contact.scope import Contact, contact_of
+from optopad.sims.optics.accuracy import ACCURACIES, Accuracy, LightSignals
 from optopad.sims.optics.tracing import trace
 from optopad.sims.press import COARSE_STEP_MM, STEP_MM, depth_schedule_mm
 from optopad.sims.readings.readout import Readout, readout_of
@@ -249,7 +249,7 @@ MOST_CLOSE = 3
 
 
 def settled_open(
-    design: SensorDesign,
+    draft: Draft,
     pad_map: PadMap,
     frames: MapFrames,
     doubts: Sequence[Accuracy],
@@ -273,7 +273,7 @@ def settled_open(
             if half == 0 and settings == doubts[0]:
                 continue  # the map itself
             finer = pad_light(
-                design,
+                draft,
                 frames.places_mm[doubtful],
                 frames.depth_mm[again],
                 accuracy=settings,
@@ -282,12 +282,12 @@ def settled_open(
             )
             frames.put(half, doubtful, again, finer)
         frames.errors[np.ix_(np.array(doubtful), np.flatnonzero(again))] = 0.0
-        pad_map = pad_map.with_places({number: frames.place(design, number) for number in doubtful})
+        pad_map = pad_map.with_places({number: frames.place(number) for number in doubtful})
     return pad_map
 
 
 def settled_close(
-    design: SensorDesign,
+    draft: Draft,
     pad_map: PadMap,
     frames: MapFrames,
     doubts: Sequence[Accuracy],
@@ -301,10 +301,10 @@ def settled_close(
     if not close:
         return pad_map
     places_mm = np.array([[pad_map.places[number].x_mm, pad_map.places[number].y_mm] for number in close])
-    depth_mm = depth_schedule_mm(design.operating.max_depth_mm, COARSE_STEP_MM)
-    light = pad_light(design, places_mm, depth_mm, accuracy=doubts[0], seed=seed, on_step=on_step)
+    depth_mm = depth_schedule_mm(draft.design.operating.max_depth_mm, COARSE_STEP_MM)
+    light = pad_light(draft, places_mm, depth_mm, accuracy=doubts[0], seed=seed, on_step=on_step)
     finer = MapFrames.traced_once(frames.mask, depth_mm, places_mm, light, frames.readout)
-    return pad_map.with_places({number: finer.place(design, k) for k, number in enumerate(close)})
+    return pad_map.with_places({number: finer.place(k) for k, number in enumerate(close)})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -362,16 +362,11 @@ class MapFrames:
         rows = np.ix_(np.array(places), np.flatnonzero(depths))
         self.counts[half][rows] = counts.reshape(len(places), int(depths.sum()), -1)
 
-    def place(self, design: SensorDesign, number: int) -> Place:
+    def place(self, number: int) -> Place:
         """Judge the location with this number from all its readings."""
         x_mm, y_mm = self.places_mm[number].tolist()
         return place_of(
-            design,
-            (x_mm, y_mm),
-            self.depth_mm,
-            self.counts[:, number],
-            self.errors[number],
-            self.readout.full_scale_counts,
+            (x_mm, y_mm), self.depth_mm, self.counts[:, number], self.errors[number], self.readout
         )
 
 
@@ -380,7 +375,7 @@ class Judge:
 
     Parameters
     ----------
-    design : a design that breaks no rule
+    draft : the design; its verdict means something if it breaks no rule
     settings : accuracy settings, or their name in `SETTINGS`
     seed : random seed of the light model
     also_mm : (x, y) of further locations of a pad, such as one known to decide the verdict [mm]; locations outside the
@@ -390,14 +385,14 @@ class Judge:
 
     def __init__(
         self,
-        design: SensorDesign,
+        draft: Draft,
         settings: Settings | str = "score",
         *,
         seed: int = 0,
         also_mm: Sequence[tuple[float, float]] = (),
         on_step: OnStep | None = None,
     ) -> None:
-        self.design, self.seed, self.also_mm = design, seed, also_mm
+        self.draft, self.design, self.seed, self.also_mm = draft, draft.design, seed, also_mm
         row = SETTINGS[settings] if isinstance(settings, str) else settings
         self.settings = row.for_pairs(len(self.names))
         self.tell = on_step or (lambda _stage, _share: None)
@@ -409,7 +404,12 @@ class Judge:
     @cached_property
     def cavity(self) -> CavityGeometry:
         """Geometry of the design."""
-        return cavity_of(self.design)
+        return self.draft.cavity
+
+    @cached_property
+    def contact(self) -> Contact:
+        """The tip and the pad, as all presses share them."""
+        return contact_of(self.design)
 
     @cached_property
     def is_facing(self) -> bool:
@@ -425,9 +425,9 @@ class Judge:
     def force(self) -> ForceCurve:
         """Force of a press at the centre against depth, at the depths of a score."""
         depth_mm = depth_schedule_mm(self.deepest_mm)
-        press = solved_press(self.design, on_step=lambda share: self.tell("contact", share))
-        require_corner(self.design)
-        return force_curve(self.design, press, depth_mm)
+        press = solved_press(self.contact, on_step=lambda share: self.tell("contact", share))
+        require_corner(self.contact)
+        return force_curve(press, depth_mm)
 
     @cached_property
     def deepest_mm(self) -> float:
@@ -437,24 +437,23 @@ class Judge:
         ------
         ModelScopeError : the models give no verdict on the design (`require_covered`).
         """
-        require_covered(self.design)
+        require_covered(self.contact)
         return self.design.operating.max_depth_mm
 
     @cached_property
     def untouched(self) -> FloatArray:
         """Received divided by emitted power of each pair (emitter, receiver) on the untouched pad [-]."""
-        return untouched_flux(self.design, self.cavity, seed=self.seed, accuracy=self.settings.untouched)
+        return untouched_flux(self.draft, seed=self.seed, accuracy=self.settings.untouched)
 
     @cached_property
     def readout(self) -> Readout:
         """Gains of the receivers, determined on the untouched pad."""
-        return readout_of(self.design, self.untouched, mask_of(self.names, self.cavity))
+        return readout_of(self.draft, self.untouched, mask_of(self.names, self.cavity))
 
     def judged(self, pairs: tuple[Pair, ...]) -> tuple[JudgedPair, ...]:
         """Judge some pairs, each alone under a press on its own chord; loads and errors are not computed."""
         curves = pair_curves(
-            self.design,
-            self.cavity,
+            self.draft,
             pairs,
             depth_schedule_mm(self.deepest_mm, self.settings.step_mm),
             accuracy=self.settings.pairs,
@@ -465,7 +464,7 @@ class Judge:
             JudgedPair(
                 name=name_of(self.cavity, one.pair),
                 curves=one,
-                score=score_curves(self.design, one, self.readout),
+                score=score_curves(one, self.readout),
             )
             for one in curves
         )
@@ -486,7 +485,7 @@ class Judge:
         frames = MapFrames.traced_once(
             direct_path_pairs(self.cavity), depth_mm, places_mm, light, self.readout
         )
-        places = tuple(frames.place(self.design, number) for number in range(len(places_mm)))
+        places = tuple(frames.place(number) for number in range(len(places_mm)))
         pad_map = PadMap(x_mm=tuple(x_mm.tolist()), y_mm=tuple(y_mm.tolist()), places=places[: len(grid_mm)])
         own = _first_states(light, len(grid_mm) * len(depth_mm)) if further else light
         return self._settled(pad_map, frames), own, places[len(grid_mm) :]
@@ -501,7 +500,7 @@ class Judge:
         if settings.near is not None:
             depth_mm = map_depths_mm(self.deepest_mm, settings.map_step_mm)
             return depth_mm, map_light(
-                self.design,
+                self.draft,
                 places_mm,
                 depth_mm,
                 accuracy=settings.map,
@@ -512,11 +511,11 @@ class Judge:
         depth_mm = depth_schedule_mm(self.deepest_mm, settings.map_step_mm)
         if settings.near_tips is None:
             return depth_mm, pad_light(
-                self.design, places_mm, depth_mm, accuracy=settings.map, seed=self.seed, on_step=on_step
+                self.draft, places_mm, depth_mm, accuracy=settings.map, seed=self.seed, on_step=on_step
             )
         near = _pairs_near(self.cavity, places_mm, settings.near_tips).repeat(len(depth_mm), axis=0)
         light = trace(
-            self.design,
+            self.draft,
             states_of(places_mm, depth_mm),
             accuracy=settings.map,
             seed=self.seed,
@@ -532,7 +531,7 @@ class Judge:
             return pad_map
         settle = settled_open if kind == "open" else settled_close
         return settle(
-            self.design,
+            self.draft,
             pad_map,
             frames,
             self.settings.doubts,
@@ -561,7 +560,7 @@ class Judge:
         settings = self.settings
         limit = settings.bound_depth_share * self.deepest_mm
         return pad_bounds(
-            self.design,
+            self.draft,
             places=settings.bound_places,
             depths_mm=tuple(depth for depth in settings.bound_depths_mm if depth < limit) or (limit,),
             accuracies=settings.bounds,
@@ -580,7 +579,7 @@ class Judge:
             for values in (light.flux, light.error_of_changes)
         )
         return detection_threshold(
-            self.design, flux, error, pad_map.x_mm, pad_map.y_mm, depth_mm, self.readout
+            self.contact, flux, error, pad_map.x_mm, pad_map.y_mm, depth_mm, self.readout
         )
 
     @property
@@ -624,7 +623,7 @@ class Judge:
         """Least margin of any facing pair, or any location [noise units]; a margin below 3 means a deadband."""
         if not self.is_facing:
             return min(place.margin for place in self.places)
-        return min(pair_margin(self.design, self.readout, pair.curves, pair.score)[0] for pair in self.pairs)
+        return min(pair_margin(self.readout, pair.curves, pair.score)[0] for pair in self.pairs)
 
     @cached_property
     def is_open(self) -> bool:
@@ -656,8 +655,7 @@ class Judge:
         if not doubtful:
             return False
         again = pair_curves(
-            self.design,
-            self.cavity,
+            self.draft,
             tuple(pair.curves.pair for pair in doubtful),
             self.pairs[0].curves.depth_mm,
             accuracy=self.settings.pairs,
@@ -667,14 +665,7 @@ class Judge:
         for pair, second in zip(doubtful, again, strict=True):
             gain = self.readout.of_receiver(second.pair[1])
             halves = np.stack([pair.curves.total, second.total])[..., np.newaxis] * gain
-            place = place_of(
-                self.design,
-                second.press_mm,
-                second.depth_mm,
-                halves,
-                np.zeros_like(halves[0]),
-                self.readout.full_scale_counts,
-            )
+            place = place_of(second.press_mm, second.depth_mm, halves, np.zeros_like(halves[0]), self.readout)
             if place.depths.is_open or place.deadbands_mm:
                 return True
         return False

@@ -27,10 +27,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from optopad.design.draft import Draft
 from optopad.design.errors import DesignError, ModelScopeError
 from optopad.design.mold.outline import outline_of
+from optopad.design.pad import Pad
 from optopad.design.progress import OnStep
-from optopad.design.rules.check import check, require_valid
+from optopad.design.rules.check import check
 from optopad.design.search.figures import BOUND_FIGURES
 from optopad.design.search.improve import Judged, Limit
 from optopad.design.shape.cavity import (
@@ -111,16 +113,16 @@ def curves_under(
     ------
     DesignError, ModelScopeError : the design breaks a rule, or the models do not cover the press.
     """
-    require_valid(design)
-    judge = Judge(design, "draft" if is_draft else "score", seed=seed)
+    pad = Pad.of(design)
+    judge = Judge(pad, "draft" if is_draft else "score", seed=seed)
     depth_mm = depth_schedule_mm(judge.deepest_mm, judge.settings.step_mm)
     pairs = pairs_under(judge.cavity, place_mm)
-    press = round_press(design, at_mm=place_mm) if is_draft else None
+    press = round_press(judge.contact, at_mm=place_mm) if is_draft else None
     light = trace(
-        design,
+        pad,
         states_of(np.array([place_mm]), depth_mm),
         profile=None if press is None else [press.at(depth) for depth in depth_mm.tolist()],
-        accuracy=accuracy_of_pairs(design, judge.settings.pairs),
+        accuracy=accuracy_of_pairs(pad, judge.settings.pairs),
         seed=seed,
         pairs=mask_of(pairs, judge.cavity),
         on_step=None if on_step is None else lambda done, total: on_step("curves", done / total),
@@ -133,7 +135,7 @@ def curves_under(
             JudgedPair(
                 name=pair_name(judge.cavity, one.pair),
                 curves=one,
-                score=score_curves(design, one, judge.readout),
+                score=score_curves(one, judge.readout),
             )
             for one in curves
         ),
@@ -171,7 +173,7 @@ def with_bounds(
     """
     if score.bounds is not None or score.readout is None:
         return score
-    judge = Judge(design, settings, seed=score.seed, on_step=on_step)
+    judge = Judge(Draft.of(design), settings, seed=score.seed, on_step=on_step)
     if score.pad_map is not None and score.pad_signals is not None:
         judge.take(score.readout, score.pad_map, score.pad_signals)
     bounds = judge.bounds
@@ -216,7 +218,9 @@ def judge(
     needed = {*wanted, *(limit.figure for limit in limits)}
     with _ONE_AT_A_TIME:
         settings = replace(SETTINGS[accuracy], has_detection="detection_force_n" in needed)
-        return _Search(Judge(design, settings, seed=seed, also_mm=also_mm), limits, needed).outcome()
+        return _Search(
+            Judge(Draft.of(design), settings, seed=seed, also_mm=also_mm), limits, needed
+        ).outcome()
 
 
 class _Search:
@@ -288,7 +292,7 @@ class _Search:
         Usable depth and margin are the least over the pairs.
         """
         design, score = self.stages.design, governing_pair(judged, True).score
-        margins = [pair_margin(design, self.stages.readout, pair.curves, pair.score) for pair in judged]
+        margins = [pair_margin(self.stages.readout, pair.curves, pair.score) for pair in judged]
         self.may_be = min(margin + error for margin, error in margins) >= DEADBAND_THRESHOLD
         self.figures |= {
             "evenness": score.evenness,

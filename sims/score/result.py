@@ -14,7 +14,7 @@ import numpy as np
 from optopad.design.arrays import FloatArray
 from optopad.sims.bounds.observability import PadBounds, bounds_json
 from optopad.sims.contact.force_curve import ForceCurve
-from optopad.sims.optics.light_signals import LightSignals
+from optopad.sims.optics.accuracy import LightSignals
 from optopad.sims.readings.readout import Readout
 from optopad.sims.verdict.builds import BuildStudy
 from optopad.sims.verdict.causes import Cause, Rise, rise_of

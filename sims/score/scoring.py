@@ -16,15 +16,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from optopad.design.arrays import FloatArray
-from optopad.design.circuit.circuit import Circuit
 from optopad.design.circuit.transimpedance import given_ohms, settling_findings
 from optopad.design.errors import ModelScopeError
 from optopad.design.fields.finding import FAILS, OUT_OF_SCOPE, USUAL
+from optopad.design.pad import Pad
 from optopad.design.progress import OnStep
-from optopad.design.rules.check import check, require_valid
 from optopad.design.shape.cavity import (
     CavityGeometry,
-    cavity_of,
     is_facing_rows,
     judged_pairs,
     mask_of,
@@ -76,13 +74,13 @@ def score(
     ------
     DesignError : the design breaks a rule (`optopad check` lists them).
     """
-    require_valid(design)
-    judge = Judge(design, settings_of(fine=fine, full=full), seed=seed, on_step=on_step)
-    base = _base_of(design, seed=seed, fine=fine, full=full)
+    pad = Pad.of(design)
+    judge = Judge(pad, settings_of(fine=fine, full=full), seed=seed, on_step=on_step)
+    base = _base_of(pad, seed=seed, fine=fine, full=full)
     try:
-        found = _scored(judge, base, verdict_only=verdict_only)
+        found = _scored(judge, pad, base, verdict_only=verdict_only)
     except ModelScopeError as err:
-        left = tuple(str(one) for one in check(design) if one.weight < OUT_OF_SCOPE)
+        left = tuple(str(one) for one in pad.findings if one.weight < OUT_OF_SCOPE)
         return replace(base, reason=str(err), warnings=left)
     if tolerance and not verdict_only:
         for added in (with_tolerance, with_field_steps, with_trial):
@@ -103,25 +101,25 @@ def verdict_of(
     ------
     DesignError : the design breaks a rule.
     """
-    require_valid(design)
-    base = _base_of(design, seed=seed)
+    pad = Pad.of(design)
+    base = _base_of(pad, seed=seed)
     try:
-        return _with_verdict(Judge(design, settings, seed=seed, on_step=on_step), base)
+        return _with_verdict(Judge(pad, settings, seed=seed, on_step=on_step), base)
     except ModelScopeError as err:
         return replace(base, reason=str(err))
 
 
-def _base_of(design: SensorDesign, *, seed: int, fine: bool = False, full: bool = False) -> ContinuityScore:
+def _base_of(pad: Pad, *, seed: int, fine: bool = False, full: bool = False) -> ContinuityScore:
     """A score without results; until they are added, it is marked as out of the models' scope."""
     return ContinuityScore(
         verdict="OUT_OF_MODEL_SCOPE",
         reason="",
-        digest=design.digest,
-        name=design.name,
+        digest=pad.design.digest,
+        name=pad.design.name,
         seed=seed,
         fine=fine,
         full=full,
-        is_facing_rows=is_facing_rows(cavity_of(design)),
+        is_facing_rows=is_facing_rows(pad.cavity),
     )
 
 
@@ -147,7 +145,7 @@ def _with_verdict(judge: Judge, base: ContinuityScore) -> ContinuityScore:
     )
 
 
-def _scored(judge: Judge, base: ContinuityScore, *, verdict_only: bool) -> ContinuityScore:
+def _scored(judge: Judge, pad: Pad, base: ContinuityScore, *, verdict_only: bool) -> ContinuityScore:
     """A score with the results of all stages before tolerance, in the order of the progress lines."""
     facing = judge.is_facing
     _ = judge.force
@@ -174,25 +172,17 @@ def _scored(judge: Judge, base: ContinuityScore, *, verdict_only: bool) -> Conti
         unjudged=_unjudged(judge.cavity, judge.untouched, judge.readout),
         clipped=tuple(pair.name for pair in judged if pair.score.is_clipped),
         bounds=None if verdict_only else judge.bounds,
-        warnings=_warnings(
-            judge.design,
-            judged,
-            found.pad_map,
-            judge.readout.of_each(len(judge.cavity.receivers)),
-            fine=base.fine,
-        ),
+        warnings=_warnings(judge, pad, judged, found.pad_map, fine=base.fine),
     )
 
 
 def _with_errors(judge: Judge) -> tuple[tuple[JudgedPair, ...], FloatArray]:
     """All pairs with loads and errors, and random samples of their figures within the error of the light trace."""
-    design, pairs = judge.design, judge.pairs
-    drawn = drawn_figures(
-        design, [pair.curves for pair in pairs], [pair.score for pair in pairs], judge.readout
-    )
+    pairs = judge.pairs
+    drawn = drawn_figures([pair.curves for pair in pairs], [pair.score for pair in pairs], judge.readout)
     judged = []
     for pair, draws in zip(pairs, drawn, strict=True):
-        force, is_at_place = place_force(design, pair.curves.press_mm)
+        force, is_at_place = place_force(judge.contact, pair.curves.press_mm)
         judged.append(
             replace(
                 pair,
@@ -237,30 +227,30 @@ def _unjudged(cavity: CavityGeometry, flat: FloatArray, readout: Readout) -> dic
 
 
 def _warnings(
-    design: SensorDesign,
+    judge: Judge,
+    pad: Pad,
     judged: tuple[JudgedPair, ...],
     pad_map: PadMap | None,
-    gains: tuple[float, ...],
     *,
     fine: bool,
 ) -> tuple[str, ...]:
     """All warnings about the design and its verdict, those of largest weight first."""
-    findings = list(check(design))  # errors were refused before
-    circuit = Circuit.of(design)
+    circuit, findings = pad.circuit, pad.findings
     if given_ohms(circuit) is None:  # resistors by a rule follow from the light
-        findings += settling_findings(circuit, gains)
+        gains = judge.readout.of_each(len(judge.cavity.receivers))
+        findings = (*findings, *settling_findings(circuit, gains))
     found = [(one.weight, str(one)) for one in findings]
     clipped = [pair.name for pair in judged if pair.score.is_clipped]
     if clipped:
         words = (
-            f"{len(clipped)} of {len(judged)} pairs clip with a target of {design.gain.target_counts:g} counts, which "
-            f"costs the resolution near the surface ({', '.join(clipped[:8])}); set gain.feedback_ohm = 'each', or "
-            "lower gain.target_counts"
+            f"{len(clipped)} of {len(judged)} pairs clip with a target of {pad.design.gain.target_counts:g} counts, "
+            f"which costs the resolution near the surface ({', '.join(clipped[:8])}); set gain.feedback_ohm = 'each', "
+            "or lower gain.target_counts"
         )
         found.append((FAILS, words))
-    if pad_map is not None and not is_facing_rows(cavity_of(design)):
+    if pad_map is not None and not judge.is_facing:
         found += [(FAILS, text) for text in margin_caution(pad_map)]
     if said := noise_caution(judged, fine=fine):
         found.append((FAILS, said))
-    found += [(USUAL, text) for text in contact_notes(design)]
+    found += [(USUAL, text) for text in contact_notes(judge.contact)]
     return tuple(text for _, text in sorted(found, key=lambda one: -one[0]))

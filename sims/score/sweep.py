@@ -15,6 +15,7 @@ from typing import Any
 from optopad.design.errors import DesignError, InputError
 from optopad.design.rules.check import require_valid
 from optopad.design.spec import SensorDesign
+from optopad.sims.contact.scope import contact_of
 from optopad.sims.score.result import ContinuityScore, JudgedPair, headline
 from optopad.sims.verdict.figure_errors import BoundaryForces, boundary_forces, place_force
 from optopad.sims.verdict.pair_score import total_length_mm
@@ -211,7 +212,7 @@ def _valid(design: SensorDesign, path: str, value: Any) -> SensorDesign:
 def _forces(design: SensorDesign, pair: JudgedPair) -> BoundaryForces:
     if pair.forces is not None:
         return pair.forces
-    force, is_at_place = place_force(design, pair.curves.press_mm)
+    force, is_at_place = place_force(contact_of(design), pair.curves.press_mm)
     return boundary_forces(pair.score.modes, force, is_at_place=is_at_place)
 
 

@@ -19,13 +19,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
+from optopad.design.draft import Draft
 from optopad.design.errors import OptopadError
 from optopad.design.fields.base import get_at
 from optopad.design.progress import OnStep
 from optopad.design.rules.check import check
 from optopad.design.shape.cavity import cavity_of, is_facing_rows
 from optopad.design.spec import SensorDesign
-from optopad.design.spec.cheap_fields import CLEAR, HEIGHTS
+from optopad.design.spec.properties import CLEAR, HEIGHTS
 from optopad.sims.score.build_tolerance import governing_judge
 from optopad.sims.score.judge import SETTINGS, Judge
 from optopad.sims.score.result import ContinuityScore
@@ -232,7 +233,7 @@ class _Search:
         if build is None or is_facing_rows(cavity_of(build)) != self.score.is_facing_rows:
             return None
         try:
-            return _Tried(line=line, length_mm=length_mm, build=build, brief=self.judge(build))
+            return _Tried(line=line, length_mm=length_mm, build=build, brief=self.judge(Draft.of(build)))
         except OptopadError:
             return None
 
@@ -268,7 +269,7 @@ class _Search:
     def _whole(self, build: SensorDesign, brief: Brief | None) -> _Whole | None:
         try:
             if self.score.is_facing_rows:
-                found = brief or facing_judge(seed=self.seed)[1](build)
+                found = brief or facing_judge(seed=self.seed)[1](Draft.of(build))
                 return _Whole(
                     verdict="DEADBAND" if found.deadband_mm > 0.0 else "CONTIGUOUS",
                     deadband_mm=found.deadband_mm,
@@ -373,9 +374,10 @@ def _with_more_parts(design: SensorDesign) -> Iterator[tuple[dict[str, float], S
 
 def _whole_pad(design: SensorDesign, seed: int) -> _Whole:
     """Verdict on all locations of a pad, with the coarse light of a trial."""
-    light = accuracy_of_builds(design)
+    draft = Draft.of(design)
+    light = accuracy_of_builds(draft)
     judge = Judge(
-        design,
+        draft,
         replace(SETTINGS["draft"], untouched=light, map=light, near_tips=None, settled="none"),
         seed=seed,
     )

@@ -37,19 +37,18 @@ from typing import Any, Protocol
 import numpy as np
 
 from optopad.design.arrays import BoolArray, FloatArray
+from optopad.design.draft import Draft
 from optopad.design.errors import InputError, OptopadError
 from optopad.design.shape.cavity import (
-    cavity_of,
+    CavityGeometry,
     chord_midpoint_mm,
     is_facing_rows,
     judged_pairs,
     mask_of,
-    plan_of,
 )
 from optopad.design.spec import SensorDesign
 from optopad.design.spec.tolerances import Tolerance
-from optopad.sims.optics.accuracy import ACCURACIES, Accuracy
-from optopad.sims.optics.light_signals import LightSignals
+from optopad.sims.optics.accuracy import ACCURACIES, Accuracy, LightSignals
 from optopad.sims.optics.tracing import trace
 from optopad.sims.press import COARSE_STEP_MM, depth_schedule_mm
 from optopad.sims.readings.readout import Readout, readout_of
@@ -58,7 +57,6 @@ from optopad.sims.verdict.depth_curve import (
     DEADBAND_THRESHOLD,
     between,
     clipped,
-    noise_of,
     noise_units,
     samples_between,
     sigma_counts,
@@ -69,10 +67,10 @@ from optopad.sims.verdict.pad_map import PadMap, place_of
 from optopad.sims.verdict.pair_score import PairScore, score_pair, total_length_mm
 from optopad.sims.verdict.presses import SECOND_SEED, Pair, PairCurves, curves_of, pair_curves, states_of
 
-ACCURACY = replace(ACCURACIES["draft"], reference_rays=4096)
-"""Light settings of units; the design itself is traced the same way for comparison. On the paper's pad and pair, the
-margins of four seeds scatter as much as with "standard" (by 0.16 noise units on the pad), at half the cost."""
-FORMED_ACCURACY = replace(ACCURACY, image_step=0.7, rings=16, columns=40)
+ACCURACY = replace(ACCURACIES["draft"], reference_rays=4096, rings=16, columns=40)
+"""Light settings of units; the design itself is traced the same way for comparison. On the paper's pad the margins of
+four seeds scatter by 0.04 to 0.2 noise units, as with "standard", in a third of the time; on the pair by 0.1."""
+FORMED_ACCURACY = replace(ACCURACY, image_step=0.7)
 """Light settings of units for discs and crowned pads. On three presets the margins of four seeds scatter by 3 to 5 %,
 twice as much as with `ACCURACY`, at half the cost."""
 NEARLY_DEAD = 1.5 * DEADBAND_THRESHOLD
@@ -105,12 +103,12 @@ class Brief:
     in_doubt: bool = False
 
 
-def accuracy_of_builds(design: SensorDesign) -> Accuracy:
+def accuracy_of_builds(draft: Draft) -> Accuracy:
     """Accuracy setting of the light model for units of a design."""
-    return ACCURACY if plan_of(design).is_block else FORMED_ACCURACY
+    return ACCURACY if draft.plan.is_block else FORMED_ACCURACY
 
 
-def score_curves(design: SensorDesign, curves: PairCurves, readout: Readout) -> PairScore:
+def score_curves(curves: PairCurves, readout: Readout) -> PairScore:
     """Score of one pair from its light, with its receiver's gain; a clipped reading has no numerical error."""
     gain = readout.of_receiver(curves.pair[1])
     is_clipped = curves.total * gain >= readout.full_scale_counts
@@ -122,85 +120,75 @@ def score_curves(design: SensorDesign, curves: PairCurves, readout: Readout) -> 
         gain_counts_per_flux=gain,
         full_scale_counts=readout.full_scale_counts,
         standard_error=np.where(is_clipped, 0.0, curves.standard_error),
-        **noise_of(design),
+        **readout.noise,
     )
 
 
-def facing_brief(design: SensorDesign, *, seed: int) -> Brief:
+def facing_brief(draft: Draft, *, seed: int) -> Brief:
     """Short verdict on facing rows: mode gap of the middle pair, deadband and margin of the worst pair."""
-    cavity = cavity_of(design)
+    cavity = draft.cavity
     pairs = judged_pairs(cavity)
-    depth_mm = depth_schedule_mm(design.operating.max_depth_mm, COARSE_STEP_MM)
-    traced = pair_curves(design, cavity, pairs, depth_mm, accuracy=accuracy_of_builds(design), seed=seed)
+    depth_mm = depth_schedule_mm(draft.design.operating.max_depth_mm, COARSE_STEP_MM)
+    traced = pair_curves(draft, pairs, depth_mm, accuracy=accuracy_of_builds(draft), seed=seed)
     untouched = np.zeros((len(cavity.emitters), len(cavity.receivers)))
     for curves in traced:
         untouched[curves.pair] = curves.total[0]
-    readout = readout_of(design, untouched, mask_of(pairs, cavity))
-    scores = [score_curves(design, curves, readout) for curves in traced]
+    readout = readout_of(draft, untouched, mask_of(pairs, cavity))
+    scores = [score_curves(curves, readout) for curves in traced]
     worst_mm = max(score.deadband_total_mm for score in scores)
-    found = [
-        pair_margin(design, readout, curves, score) for curves, score in zip(traced, scores, strict=True)
-    ]
+    found = [pair_margin(readout, curves, score) for curves, score in zip(traced, scores, strict=True)]
     return Brief(
         gap_mm=scores[0].modes.gap_mm,
         deadband_mm=worst_mm,
         margin=min(margin for margin, _ in found),
-        usable_mm=min(_usable_mm(design, score) for score in scores),
+        usable_mm=min(_usable_mm(draft, score) for score in scores),
         in_doubt=worst_mm == 0.0 and any(margin < widened_threshold(error) for margin, error in found),
     )
 
 
-def pair_margin(
-    design: SensorDesign, readout: Readout, curves: PairCurves, score: PairScore
-) -> tuple[float, float]:
+def pair_margin(readout: Readout, curves: PairCurves, score: PairScore) -> tuple[float, float]:
     """Margin of a pair, and the numerical error over its judged depth [noise units]."""
     depth_mm = curves.depth_mm
     judged = depth_mm <= score.end_mm
-    gain, full_scale = readout.of_receiver(curves.pair[1]), readout.full_scale_counts
-    error = _trace_error(
-        design, full_scale, gain * curves.total[judged], gain * curves.standard_error[judged]
-    )
-    return _margin(design, depth_mm, full_scale, gain * curves.total[:, None], score.end_mm), error
+    gain = readout.of_receiver(curves.pair[1])
+    error = _trace_error(readout, gain * curves.total[judged], gain * curves.standard_error[judged])
+    return _margin(readout, depth_mm, gain * curves.total[:, None], score.end_mm), error
 
 
-def pair_brief(design: SensorDesign, pair: Pair, *, seed: int) -> Brief:
+def pair_brief(draft: Draft, pair: Pair, *, seed: int) -> Brief:
     """Short verdict by one pair under a press at the midpoint between its emitter and receiver."""
-    place_mm = chord_midpoint_mm(cavity_of(design), pair)
-    depth_mm, light, readout = _pressed(design, place_mm, (pair,), seed)
+    place_mm = chord_midpoint_mm(draft.cavity, pair)
+    depth_mm, light, readout = _pressed(draft, place_mm, (pair,), seed)
     curves = curves_of(light, pair, place_mm, slice(1, None), depth_mm)
-    score = score_curves(design, curves, readout)
+    score = score_curves(curves, readout)
     counts = curves.total[:, None] * readout.of_receiver(pair[1])
     return Brief(
         gap_mm=score.modes.gap_mm,
         deadband_mm=score.deadband_total_mm,
-        margin=_margin(design, depth_mm, readout.full_scale_counts, counts, score.end_mm),
-        usable_mm=_usable_mm(design, score),
+        margin=_margin(readout, depth_mm, counts, score.end_mm),
+        usable_mm=_usable_mm(draft, score),
     )
 
 
-def _usable_mm(design: SensorDesign, score: PairScore) -> float:
+def _usable_mm(draft: Draft, score: PairScore) -> float:
     """Depth up to which a pair resolves depth; the deepest press if it resolves all depths [mm]."""
-    return design.operating.max_depth_mm if score.saturation_mm is None else score.saturation_mm[0]
+    return draft.design.operating.max_depth_mm if score.saturation_mm is None else score.saturation_mm[0]
 
 
-def place_brief(
-    design: SensorDesign, place_mm: tuple[float, float], pairs: tuple[Pair, ...], *, seed: int
-) -> Brief:
+def place_brief(draft: Draft, place_mm: tuple[float, float], pairs: tuple[Pair, ...], *, seed: int) -> Brief:
     """Short verdict at one location by several pairs; depths whose margin is near the threshold are traced twice."""
-    depth_mm, light, readout = _pressed(design, place_mm, pairs, seed)
+    depth_mm, light, readout = _pressed(draft, place_mm, pairs, seed)
     counts = np.stack([_counts(light, pairs, readout, first=1)] * 2)
-    full_scale, once = readout.full_scale_counts, np.zeros_like(counts[0])
-    nearly = place_of(
-        design, place_mm, depth_mm, counts, once, full_scale, threshold=NEARLY_DEAD
-    ).depths.blind
+    once = np.zeros_like(counts[0])
+    nearly = place_of(place_mm, depth_mm, counts, once, readout, threshold=NEARLY_DEAD).depths.blind
     again = np.zeros(len(depth_mm), dtype=np.bool_)
     for interval in (*nearly.deadbands_mm, (nearly.usable_mm, float(depth_mm[-1]))):
         if interval[1] > interval[0]:
             again[samples_between(depth_mm, *interval)] = True
     if again.any():
-        second = _light(design, place_mm, depth_mm[again], pairs, seed + SECOND_SEED)
+        second = _light(draft, place_mm, depth_mm[again], pairs, seed + SECOND_SEED)
         counts[1, again] = _counts(second, pairs, readout)
-    found = place_of(design, place_mm, depth_mm, counts, once, full_scale).depths
+    found = place_of(place_mm, depth_mm, counts, once, readout).depths
     return Brief(
         gap_mm=None,
         deadband_mm=total_length_mm(found.blind.deadbands_mm),
@@ -217,7 +205,7 @@ def _counts(light: LightSignals, pairs: tuple[Pair, ...], readout: Readout, *, f
 
 
 def responsive_pairs(
-    design: SensorDesign, depth_mm: FloatArray, counts: FloatArray, pairs: tuple[Pair, ...]
+    readout: Readout, depth_mm: FloatArray, counts: FloatArray, pairs: tuple[Pair, ...]
 ) -> tuple[Pair, ...]:
     """The pairs that contribute most of the change of the frames in any part of the depth.
 
@@ -227,7 +215,7 @@ def responsive_pairs(
     counts : (n, pair) readings at one location
     pairs : (emitter, receiver) of each column of `counts`
     """
-    units = noise_units(counts, **noise_of(design))
+    units = noise_units(counts, **readout.noise)
     chosen: dict[Pair, None] = {}
     for start in np.arange(0.0, depth_mm[-1] - 1e-9, RESPONSE_WINDOW_MM):
         end = min(start + RESPONSE_WINDOW_MM, float(depth_mm[-1]))
@@ -240,17 +228,17 @@ def responsive_pairs(
 
 
 def _pressed(
-    design: SensorDesign, place_mm: tuple[float, float], pairs: tuple[Pair, ...], seed: int
+    draft: Draft, place_mm: tuple[float, float], pairs: tuple[Pair, ...], seed: int
 ) -> tuple[FloatArray, LightSignals, Readout]:
     """Depths, light and gain for one press location; the light is of the untouched pad first, then of each depth."""
-    cavity = cavity_of(design)
-    depth_mm = depth_schedule_mm(design.operating.max_depth_mm, COARSE_STEP_MM)
-    light = _light(design, place_mm, depth_mm, pairs, seed, is_after_untouched=True)
-    return depth_mm, light, readout_of(design, light.flux[0], mask_of(judged_pairs(cavity), cavity))
+    cavity = draft.cavity
+    depth_mm = depth_schedule_mm(draft.design.operating.max_depth_mm, COARSE_STEP_MM)
+    light = _light(draft, place_mm, depth_mm, pairs, seed, is_after_untouched=True)
+    return depth_mm, light, readout_of(draft, light.flux[0], mask_of(judged_pairs(cavity), cavity))
 
 
 def _light(
-    design: SensorDesign,
+    draft: Draft,
     place_mm: tuple[float, float],
     depth_mm: FloatArray,
     pairs: tuple[Pair, ...],
@@ -261,26 +249,22 @@ def _light(
     """Light of some pairs at some depths; if `is_after_untouched`, the untouched pad with all pairs comes first."""
     begin = [0.0] if is_after_untouched else []
     states = states_of(np.array([place_mm]), np.concatenate([begin, depth_mm]))
-    masks = np.repeat(mask_of(pairs, cavity_of(design))[np.newaxis], len(states), axis=0)
+    masks = np.repeat(mask_of(pairs, draft.cavity)[np.newaxis], len(states), axis=0)
     masks[: len(begin)] = True
-    return trace(design, states, accuracy=accuracy_of_builds(design), seed=seed, pairs=masks)
+    return trace(draft, states, accuracy=accuracy_of_builds(draft), seed=seed, pairs=masks)
 
 
-def _margin(
-    design: SensorDesign, depth_mm: FloatArray, full_scale: float, counts: FloatArray, end_mm: float
-) -> float:
-    knots_mm, readings = clipped(depth_mm, counts, full_scale)
-    part_mm, units = between(knots_mm, noise_units(readings, **noise_of(design)), 0.0, end_mm)
+def _margin(readout: Readout, depth_mm: FloatArray, counts: FloatArray, end_mm: float) -> float:
+    knots_mm, readings = clipped(depth_mm, counts, readout.full_scale_counts)
+    part_mm, units = between(knots_mm, noise_units(readings, **readout.noise), 0.0, end_mm)
     return smallest_range(part_mm, units, min(DEADBAND_MIN_LENGTH_MM, end_mm))
 
 
-def _trace_error(
-    design: SensorDesign, full_scale: float, counts: FloatArray, standard_error: FloatArray
-) -> float:
+def _trace_error(readout: Readout, counts: FloatArray, standard_error: FloatArray) -> float:
     """Numerical error of the light: its root mean square over depths and pairs [noise units]."""
-    readings = np.minimum(counts, full_scale)
-    errors = np.where(readings < full_scale, standard_error, 0.0)
-    return float(np.sqrt(np.mean((errors / sigma_counts(readings, **noise_of(design))) ** 2)))
+    readings = np.minimum(counts, readout.full_scale_counts)
+    errors = np.where(readings < readout.full_scale_counts, standard_error, 0.0)
+    return float(np.sqrt(np.mean((errors / sigma_counts(readings, **readout.noise)) ** 2)))
 
 
 CONFIDENCE = 0.95
@@ -290,7 +274,7 @@ CUT_SIGMA = 2.0
 FEWEST_BUILDS, MOST_BUILDS = 10, 100_000
 
 
-BuildJudge = Callable[[SensorDesign], Brief]
+BuildJudge = Callable[[Draft], Brief]
 
 
 def pair_judge(pair: Pair, name: str, *, seed: int) -> tuple[str, BuildJudge]:
@@ -304,18 +288,18 @@ def facing_judge(*, seed: int) -> tuple[str, BuildJudge]:
 
 
 def place_judge(
-    design: SensorDesign, pad_map: PadMap, light: LightSignals, readout: Readout, *, seed: int
+    cavity: CavityGeometry, pad_map: PadMap, light: LightSignals, readout: Readout, *, seed: int
 ) -> tuple[str, BuildJudge]:
     """A judge of pads at the design's location of least margin, by the pairs that respond there."""
     weak = pad_map.weakest
     place_mm = (weak.x_mm, weak.y_mm)
-    pairs = _answering_pairs(design, light, place_mm, readout)
+    pairs = _answering_pairs(cavity, light, place_mm, readout)
     name = f"the pad at x {weak.x_mm:g}, y {weak.y_mm:g} mm"
     return name, lambda build: place_brief(build, place_mm, pairs, seed=seed)
 
 
 def verdict_judge(
-    design: SensorDesign,
+    cavity: CavityGeometry,
     pad_map: PadMap | None,
     light: LightSignals | None,
     readout: Readout,
@@ -323,19 +307,19 @@ def verdict_judge(
     seed: int,
 ) -> tuple[str, BuildJudge]:
     """A judge of a design's units: by all facing pairs for facing rows, otherwise at the location of least margin."""
-    if pad_map is None or light is None or is_facing_rows(cavity_of(design)):
+    if pad_map is None or light is None or is_facing_rows(cavity):
         return facing_judge(seed=seed)
-    return place_judge(design, pad_map, light, readout, seed=seed)
+    return place_judge(cavity, pad_map, light, readout, seed=seed)
 
 
 def _answering_pairs(
-    design: SensorDesign, light: LightSignals, place_mm: tuple[float, float], readout: Readout
+    cavity: CavityGeometry, light: LightSignals, place_mm: tuple[float, float], readout: Readout
 ) -> tuple[Pair, ...]:
-    pairs = judged_pairs(cavity_of(design))
+    pairs = judged_pairs(cavity)
     here = (light.presses[:, 0] == place_mm[0]) & (light.presses[:, 1] == place_mm[1])
     unlimited = np.stack([light.flux[here, i, j] for i, j in pairs], axis=1) * readout.of_pairs(pairs)
     counts = np.minimum(unlimited, readout.full_scale_counts)
-    return responsive_pairs(design, light.presses[here, 2], counts, pairs)
+    return responsive_pairs(readout, light.presses[here, 2], counts, pairs)
 
 
 class Memo(Protocol):
@@ -461,7 +445,7 @@ def build_study(
     design: SensorDesign,
     tolerances: Sequence[Tolerance],
     judged: str,
-    judge: Callable[[SensorDesign], Brief],
+    judge: BuildJudge,
     *,
     builds: int,
     seed: int,
@@ -482,13 +466,13 @@ def build_study(
         raise InputError(f"--builds: {builds} is refused: needs {FEWEST_BUILDS} to {MOST_BUILDS} units")
     if not tolerances:
         raise InputError("--tolerance: no value varies: each was measured or has a tolerance of 0")
-    as_designed, values = judge(design), drawn_values(tolerances, builds, seed)
+    as_designed, values = judge(Draft.of(design)), drawn_values(tolerances, builds, seed)
     briefs: list[Brief | None] = []
     unjudged: dict[str, int] = {}
     for number, row in enumerate(values):
         changes = {one.path: float(value) for one, value in zip(tolerances, row, strict=True)}
         try:
-            briefs.append(judge(design.with_(**changes)))
+            briefs.append(judge(Draft.of(design.with_(**changes))))
         except OptopadError as err:
             reason = str(err).split(":")[0]
             unjudged[reason] = unjudged.get(reason, 0) + 1
@@ -522,15 +506,13 @@ def drawn_values(tolerances: Sequence[Tolerance], builds: int, seed: int) -> Flo
     return np.stack(columns, axis=1)
 
 
-def remembered(
-    judge: Callable[[SensorDesign], Brief], memo: Memo | None, name: str
-) -> Callable[[SensorDesign], Brief]:
+def remembered(judge: BuildJudge, memo: Memo | None, name: str) -> BuildJudge:
     """A judge that returns a unit's stored short verdict if there is one; otherwise it judges and stores the result."""
     if memo is None:
         return judge
 
-    def recalled(build: SensorDesign) -> Brief:
-        key = f"{name} {build.digest}"
+    def recalled(build: Draft) -> Brief:
+        key = f"{name} {build.design.digest}"
         earlier = memo.get(key)
         if earlier is not None:
             return Brief(**earlier)

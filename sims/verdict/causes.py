@@ -40,9 +40,9 @@ import numpy as np
 from optopad.design.arrays import FloatArray
 from optopad.design.shape.cavity import CavityGeometry, beside_chord, cavity_of, direct_path_pairs, pair_name
 from optopad.design.spec import SensorDesign
-from optopad.sims.optics.light_signals import LightSignals
+from optopad.sims.optics.accuracy import LightSignals
 from optopad.sims.readings.readout import Readout
-from optopad.sims.verdict.depth_curve import DEADBAND_THRESHOLD, between, noise_of, noise_units, sigma_counts
+from optopad.sims.verdict.depth_curve import DEADBAND_THRESHOLD, between, noise_units, sigma_counts
 from optopad.sims.verdict.pad_map import Interval, PadMap, Place
 from optopad.sims.verdict.pair_score import PairScore, find_modes
 from optopad.sims.verdict.presses import PairCurves, curves_of
@@ -306,7 +306,7 @@ def _cause(
     curves: Sequence[PairCurves],
     readout: Readout,
 ) -> Cause:
-    witnesses = tuple(_witness(design, cavity, one, span, readout) for one in curves)
+    witnesses = tuple(_witness(cavity, one, span, readout) for one in curves)
     lack: Lack = "none near"
     if witnesses:
         weight: dict[Lack, float] = {}
@@ -341,15 +341,13 @@ def _or(value: float | None, otherwise: float) -> float:
     return otherwise if value is None else value
 
 
-def _witness(
-    design: SensorDesign, cavity: CavityGeometry, curves: PairCurves, span: Interval, readout: Readout
-) -> Witness:
+def _witness(cavity: CavityGeometry, curves: PairCurves, span: Interval, readout: Readout) -> Witness:
     gain, full_scale = readout.of_receiver(curves.pair[1]), readout.full_scale_counts
     _, part = between(
         curves.depth_mm, np.stack([curves.total, curves.top, curves.direct], axis=1), span[0], span[1]
     )
     counts = gain * part
-    noise = noise_of(design)
+    noise = readout.noise
     limited = np.minimum(counts[:, 0], full_scale)
     change = float(np.ptp(noise_units(limited, **noise)))
     whole = gain * float(curves.total[0])

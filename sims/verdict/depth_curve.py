@@ -76,7 +76,6 @@ from numpy.typing import ArrayLike
 
 from optopad.design.arrays import BoolArray, FloatArray
 from optopad.design.errors import InputError
-from optopad.design.spec import SensorDesign
 
 QUANTISATION_VARIANCE: Final = 1.0 / 12.0
 """Variance of rounding to whole counts [counts squared]; [S]."""
@@ -323,14 +322,6 @@ def _ratio_to_argument(function: np.ufunc, x: FloatArray) -> FloatArray:
     safe = np.where(small, 1.0, x)
     ratio: FloatArray = np.where(small, 1.0, function(safe) / safe)
     return ratio
-
-
-def noise_of(design: SensorDesign) -> dict[str, float]:
-    """The design's noise model, as keyword arguments for the functions of the verdict."""
-    return {
-        "read_noise_counts": design.value_noise_counts,
-        "relative_noise": design.noise.relative_noise,
-    }
 
 
 def samples_between(depth_mm: FloatArray, start_mm: float, end_mm: float) -> slice:

@@ -37,12 +37,12 @@ import numpy as np
 
 from optopad.design.arrays import FloatArray
 from optopad.design.errors import ModelScopeError
-from optopad.design.spec import SensorDesign
 from optopad.sims.contact.force_curve import LoadCurve, load_curve
 from optopad.sims.contact.indentation import solved_press
+from optopad.sims.contact.scope import Contact
 from optopad.sims.press import depth_schedule_mm
 from optopad.sims.readings.readout import Readout
-from optopad.sims.verdict.depth_curve import DEADBAND_THRESHOLD, between, clipped, noise_of, noise_units
+from optopad.sims.verdict.depth_curve import DEADBAND_THRESHOLD, between, clipped, noise_units
 from optopad.sims.verdict.pair_score import Modes, PairScore, continuity, deadband_intervals_mm, evenness
 from optopad.sims.verdict.presses import PairCurves
 
@@ -94,13 +94,13 @@ def boundary_forces(modes: Modes, force: LoadCurve, *, is_at_place: bool = True)
     )
 
 
-def place_force(design: SensorDesign, place_mm: tuple[float, float]) -> tuple[LoadCurve, bool]:
+def place_force(contact: Contact, place_mm: tuple[float, float]) -> tuple[LoadCurve, bool]:
     """Load of a press against depth, and whether it is at the given location (True) or at the pad's centre (False)."""
-    depth_mm = depth_schedule_mm(design.operating.max_depth_mm)
+    depth_mm = depth_schedule_mm(contact.design.operating.max_depth_mm)
     try:
-        return load_curve(design, solved_press(design, at_mm=place_mm), depth_mm), True
+        return load_curve(solved_press(contact, at_mm=place_mm), depth_mm), True
     except ModelScopeError:
-        return load_curve(design, solved_press(design), depth_mm), False
+        return load_curve(solved_press(contact), depth_mm), False
 
 
 Errors = tuple[float | None, float | None]
@@ -137,9 +137,7 @@ SAME = 1e-4
 """Largest difference between curves under a press that count as the same [counts]."""
 
 
-def drawn_figures(
-    design: SensorDesign, curves: Sequence[PairCurves], scores: Sequence[PairScore], readout: Readout
-) -> FloatArray:
+def drawn_figures(curves: Sequence[PairCurves], scores: Sequence[PairScore], readout: Readout) -> FloatArray:
     """(pair, draw, figure) figures of pairs after random errors of their light, in the order of `FIGURES`."""
     known: dict[bytes, FloatArray] = {}
     found = []
@@ -147,9 +145,7 @@ def drawn_figures(
         gain = readout.of_receiver(of_pair.pair[1])
         content = _content(of_pair, gain, score.end_mm)
         if content not in known:
-            known[content] = _drawn(
-                design, of_pair, score.end_mm, gain, readout.full_scale_counts, (SEED, number)
-            )
+            known[content] = _drawn(of_pair, score.end_mm, readout, (SEED, number))
         found.append(known[content])
     return np.stack(found)
 
@@ -161,31 +157,17 @@ def _content(curves: PairCurves, gain: float, end_mm: float) -> bytes:
     return np.rint(np.append(gain * light, end_mm) / SAME).astype(np.int64).tobytes()
 
 
-def _drawn(
-    design: SensorDesign,
-    curves: PairCurves,
-    end_mm: float,
-    gain: float,
-    full_scale_counts: float,
-    seed: tuple[int, int],
-) -> FloatArray:
+def _drawn(curves: PairCurves, end_mm: float, readout: Readout, seed: tuple[int, int]) -> FloatArray:
     jitter = np.random.default_rng(seed).normal(size=(DRAWS, len(curves.depth_mm)))
     light = np.maximum(curves.total + jitter * curves.standard_error, 0.0)
-    return np.array(
-        [_figures(design, curves.depth_mm, gain * one, end_mm, full_scale_counts) for one in light]
-    )
+    gain = readout.of_receiver(curves.pair[1])
+    return np.array([_figures(curves.depth_mm, gain * one, end_mm, readout) for one in light])
 
 
-def _figures(
-    design: SensorDesign,
-    depth_mm: FloatArray,
-    unlimited: FloatArray,
-    end_mm: float,
-    full_scale_counts: float,
-) -> FloatArray:
+def _figures(depth_mm: FloatArray, unlimited: FloatArray, end_mm: float, readout: Readout) -> FloatArray:
     """(figure,) figures of one curve of counts, computed as in `optopad.sims.verdict.pair_score`."""
-    noise = noise_of(design)
-    at_mm, counts = clipped(depth_mm, unlimited, full_scale_counts)
+    noise = readout.noise
+    at_mm, counts = clipped(depth_mm, unlimited, readout.full_scale_counts)
     _, units = between(at_mm, noise_units(counts, **noise), 0.0, end_mm)
     dead = deadband_intervals_mm(at_mm, counts, end_mm=end_mm, **noise)
     return np.array(

@@ -34,17 +34,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from optopad.design.arrays import BoolArray, FloatArray
-from optopad.design.shape.cavity import CavityGeometry, cavity_of, direct_path_pairs
+from optopad.design.shape.cavity import CavityGeometry, direct_path_pairs
 from optopad.design.shape.outline import Outline
-from optopad.design.spec import SensorDesign
-from optopad.sims.optics.light_signals import LightSignals
+from optopad.sims.optics.accuracy import LightSignals
 from optopad.sims.readings.readout import Readout
 from optopad.sims.verdict.depth_curve import (
     DEADBAND_MIN_LENGTH_MM,
     DEADBAND_THRESHOLD,
     clipped,
     interpolated,
-    noise_of,
     noise_units,
     samples_between,
     sigma_counts,
@@ -332,12 +330,11 @@ class PadMap:
 
 
 def place_of(
-    design: SensorDesign,
     place_mm: tuple[float, float],
     depth_mm: FloatArray,
     counts: FloatArray,
     errors: FloatArray,
-    full_scale_counts: float,
+    readout: Readout,
     *,
     threshold: float = DEADBAND_THRESHOLD,
 ) -> Place:
@@ -352,10 +349,10 @@ def place_of(
     errors : (depth, pair) standard errors [counts]; 0 where there are two traces
     threshold : distance at which two depths are resolved [noise units]
     """
-    noise = noise_of(design)
-    knots_mm, readings = clipped(depth_mm, np.concatenate(list(counts), axis=1), full_scale_counts)
+    noise, full_scale = readout.noise, readout.full_scale_counts
+    knots_mm, readings = clipped(depth_mm, np.concatenate(list(counts), axis=1), full_scale)
     units = noise_units(readings, **noise).reshape(len(knots_mm), 2, -1).swapaxes(0, 1)
-    once = np.where(counts[0] < full_scale_counts, errors / sigma_counts(counts[0], **noise), 0.0)
+    once = np.where(counts[0] < full_scale, errors / sigma_counts(counts[0], **noise), 0.0)
     frames = Frames(
         depth_mm=knots_mm,
         halves=units,
@@ -438,7 +435,7 @@ class PadProfile:
 
 
 def pad_profile(
-    design: SensorDesign,
+    cavity: CavityGeometry,
     pad_map: PadMap,
     light: LightSignals | None,
     readout: Readout | None,
@@ -456,24 +453,20 @@ def pad_profile(
     if light is not None and readout is not None:
         places = len(pad_map.places)
         depth_mm = np.asarray(light.presses).reshape(places, -1, 3)[0, :, 2]
-        mask = direct_path_pairs(cavity_of(design))
+        mask = direct_path_pairs(cavity)
         counts = (light.flux[:, mask] * readout.of_mask(mask)).reshape(places, len(depth_mm), -1)
-        change = np.stack(
-            [_change(design, depth_mm, readings, readout.full_scale_counts) for readings in counts], axis=1
-        )
+        change = np.stack([_change(depth_mm, readings, readout) for readings in counts], axis=1)
     dead = np.array([[place.is_blind(float(depth)) for place in pad_map.places] for depth in depth_mm])
     return PadProfile(depth_mm=depth_mm, change=change, is_dead=dead)
 
 
-def _change(
-    design: SensorDesign, depth_mm: FloatArray, counts: FloatArray, full_scale_counts: float
-) -> FloatArray:
+def _change(depth_mm: FloatArray, counts: FloatArray, readout: Readout) -> FloatArray:
     """(depth,) largest distance of two frames within 0.3 mm around each depth, at one location [noise units].
 
     `counts` are (depth, pair) readings before clipping.
     """
-    knots_mm, readings = clipped(depth_mm, counts, full_scale_counts)
-    units = noise_units(readings, **noise_of(design))
+    knots_mm, readings = clipped(depth_mm, counts, readout.full_scale_counts)
+    units = noise_units(readings, **readout.noise)
     length = min(DEADBAND_MIN_LENGTH_MM, float(depth_mm[-1]))
     first = np.clip(depth_mm - length / 2, depth_mm[0], depth_mm[-1] - length)
     steps = round(length / READ_EVERY_MM) + 1

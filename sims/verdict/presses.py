@@ -13,11 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from optopad.design.arrays import FloatArray
+from optopad.design.draft import Draft
 from optopad.design.progress import OnShare
-from optopad.design.shape.cavity import CavityGeometry, chord_midpoint_mm, plan_of
-from optopad.design.spec import SensorDesign
-from optopad.sims.optics.accuracy import ACCURACIES, MIRRORED_FINER, Accuracy
-from optopad.sims.optics.light_signals import LightSignals
+from optopad.design.shape.cavity import chord_midpoint_mm
+from optopad.sims.optics.accuracy import ACCURACIES, MIRRORED_FINER, Accuracy, LightSignals
 from optopad.sims.optics.tracing import trace
 from optopad.sims.press import NEAR_CONTACT_MM, depth_schedule_mm
 
@@ -86,25 +85,22 @@ class PairCurves:
     standard_error: FloatArray
 
 
-def untouched_flux(
-    design: SensorDesign, cavity: CavityGeometry, *, seed: int, accuracy: str | Accuracy = "standard"
-) -> FloatArray:
+def untouched_flux(draft: Draft, *, seed: int, accuracy: str | Accuracy = "standard") -> FloatArray:
     """(emitter, receiver) ratio of received to emitted power on the untouched pad [-]."""
-    presses = np.array([[cavity.length_mm / 2, cavity.width_mm / 2, 0.0]])
-    light = trace(design, presses, seed=seed, accuracy=accuracy)
+    presses = np.array([[draft.cavity.length_mm / 2, draft.cavity.width_mm / 2, 0.0]])
+    light = trace(draft, presses, seed=seed, accuracy=accuracy)
     return np.asarray(light.flux[0])
 
 
-def accuracy_of_pairs(design: SensorDesign, accuracy: str | Accuracy = PAIR_ACCURACY) -> str | Accuracy:
+def accuracy_of_pairs(draft: Draft, accuracy: str | Accuracy = PAIR_ACCURACY) -> str | Accuracy:
     """Light settings for a design's single pairs: the given ones, made coarser for discs and crowned pads."""
-    if isinstance(accuracy, str) or plan_of(design).is_block:
+    if isinstance(accuracy, str) or draft.plan.is_block:
         return accuracy
     return replace(accuracy, image_step=max(accuracy.image_step, FORMED_PAIR_STEP))
 
 
 def pair_curves(
-    design: SensorDesign,
-    cavity: CavityGeometry,
+    draft: Draft,
     pairs: tuple[Pair, ...],
     depth_mm: FloatArray,
     *,
@@ -113,6 +109,7 @@ def pair_curves(
     on_step: OnShare | None = None,
 ) -> tuple[PairCurves, ...]:
     """Light of every pair under a press at its own chord's midpoint, at all depths."""
+    cavity = draft.cavity
     places = [chord_midpoint_mm(cavity, pair) for pair in pairs]
     distinct = list(dict.fromkeys(places))
     rows = [_rows(distinct.index(place), len(depth_mm)) for place in places]
@@ -120,8 +117,8 @@ def pair_curves(
     masks = np.zeros((len(states), len(cavity.emitters), len(cavity.receivers)), dtype=np.bool_)
     for pair, of_pair in zip(pairs, rows, strict=True):
         masks[of_pair, pair[0], pair[1]] = True
-    settings = accuracy_of_pairs(design, accuracy)
-    light = trace(design, states, accuracy=settings, seed=seed, pairs=masks, on_step=_as_share(on_step))
+    settings = accuracy_of_pairs(draft, accuracy)
+    light = trace(draft, states, accuracy=settings, seed=seed, pairs=masks, on_step=_as_share(on_step))
     return tuple(
         curves_of(light, pair, place, of_pair, depth_mm)
         for pair, place, of_pair in zip(pairs, places, rows, strict=True)
@@ -129,7 +126,7 @@ def pair_curves(
 
 
 def pad_light(
-    design: SensorDesign,
+    draft: Draft,
     places_mm: FloatArray,
     depth_mm: FloatArray,
     *,
@@ -145,7 +142,7 @@ def pad_light(
     depth_mm : (depth,) increasing depths [mm]
     """
     states = states_of(places_mm, depth_mm)
-    return trace(design, states, accuracy=accuracy, seed=seed, on_step=_as_share(on_step))
+    return trace(draft, states, accuracy=accuracy, seed=seed, on_step=_as_share(on_step))
 
 
 def map_depths_mm(max_depth_mm: float, step_mm: float) -> FloatArray:
@@ -155,7 +152,7 @@ def map_depths_mm(max_depth_mm: float, step_mm: float) -> FloatArray:
 
 
 def map_light(
-    design: SensorDesign,
+    draft: Draft,
     places_mm: FloatArray,
     depth_mm: FloatArray,
     *,
@@ -169,7 +166,7 @@ def map_light(
     stages = [(is_near, near), (~is_near, accuracy)]
     parts = [
         pad_light(
-            design, places_mm, depth_mm[chosen], accuracy=settings, seed=seed, on_step=_part_of(on_step, k)
+            draft, places_mm, depth_mm[chosen], accuracy=settings, seed=seed, on_step=_part_of(on_step, k)
         )
         for k, (chosen, settings) in enumerate(stages)
         if chosen.any()

@@ -14,10 +14,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from optopad.design.draft import Draft
 from optopad.design.errors import OptopadError
 from optopad.design.spec import SensorDesign
 from optopad.design.spec.properties import UsedValue, used_values
-from optopad.sims.verdict.builds import Brief
+from optopad.sims.verdict.builds import Brief, BuildJudge
 from optopad.sims.verdict.depth_curve import DEADBAND_THRESHOLD
 
 AMPLE_MARGIN = 2.0 * DEADBAND_THRESHOLD
@@ -231,7 +232,7 @@ class ToleranceBand:
 def tolerance_band(
     design: SensorDesign,
     judged: str,
-    judge: Callable[[SensorDesign], Brief],
+    judge: BuildJudge,
     on_step: Callable[[float], None] | None = None,
     *,
     added: Sequence[UsedValue] = (),
@@ -244,7 +245,7 @@ def tolerance_band(
     judge : function for the short verdict on a unit; called for the unchanged design first
     added : further values with bands, such as manufacturing tolerances; they replace parameters with the same path
     """
-    as_designed = judge(design)
+    as_designed = judge(Draft.of(design))
     replaced = {used.path for used in added}
     open_values = [
         used
@@ -272,12 +273,10 @@ def tolerance_band(
     )
 
 
-def _row(
-    design: SensorDesign, used: UsedValue, as_designed: Brief, judge: Callable[[SensorDesign], Brief]
-) -> ToleranceRow:
+def _row(design: SensorDesign, used: UsedValue, as_designed: Brief, judge: BuildJudge) -> ToleranceRow:
     ends = _ends(used)
     assert ends is not None
-    low, high = (judge(design.with_(**{used.path: end})) for end in ends)
+    low, high = (judge(Draft.of(design.with_(**{used.path: end}))) for end in ends)
     return ToleranceRow(
         path=used.path,
         confidence=used.quantity.confidence,

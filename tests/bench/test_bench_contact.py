@@ -1,16 +1,18 @@
 """Time of the contact model: a press from the library, loading the library, a live solve, an entry of the library."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from optopad.design.preset import preset
 from optopad.sims.contact import indent
 from optopad.sims.contact.indentation import solved_press
+from optopad.sims.contact.library import stored_press
 from optopad.sims.contact.library.profile_library import shipped_library
 from optopad.sims.contact.library.smooth_press import POISSON_RATIOS
-from optopad.sims.contact.library.unit_press import solve_unit_press
 from optopad.sims.contact.mesh import radial_mesh
-from optopad.sims.contact.scope import WALL_RADIUS
+from optopad.sims.contact.scope import WALL_RADIUS, contact_of
 from optopad.sims.contact.wedge import solve_wedge
 from tests.validation.contact.library_build import entry_inputs
 
@@ -35,7 +37,7 @@ def test_press_of_another_layer_each_time(benchmark):
         changed = design.model_copy(
             update={"cavity": design.cavity.model_copy(update={"clear_thickness_mm": float(next(layers))})}
         )
-        return solved_press(changed, 2.0).at(2.0)
+        return solved_press(contact_of(changed), 2.0).at(2.0)
 
     assert benchmark(press).force_n > 0.0
 
@@ -58,8 +60,8 @@ def test_one_entry_of_the_library(benchmark, bench_size):
 
     def solve():
         return [
-            solve_unit_press(
-                one.layer, mesh_size * one.mesh_size, one.depths[:count], one.poisson_ratio
+            stored_press._solve(
+                replace(one, mesh_size=mesh_size * one.mesh_size, depths=one.depths[:count]), None
             ).force[-1]
             for one in inputs
         ]

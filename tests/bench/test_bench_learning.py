@@ -10,10 +10,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from optopad.sims.learning.fits.kernel_ridge import fit_kernel_ridge
 from optopad.sims.learning.inference.kernel_ridge import KernelRidgeModel
-from optopad.sims.learning.learners import LEARNERS
-from optopad.sims.learning.settings import DEFAULT, QUICK
+from optopad.sims.learning.learners import DEFAULT, LEARNERS, QUICK, fit_kernel_ridge
 from tests.sims.learning.pressed_pad import grid_mm, made_up_data, random_places_mm
 
 KEPT_SAMPLES = 10_000

@@ -12,16 +12,15 @@ import pytest
 import trimesh
 
 from optopad.cad.export import export_parts, part_files, step_bytes
-from optopad.cad.indenter_tip import indenter_tip, shank_mm
-from optopad.cad.leveling_blade import blade_size, leveling_blade
 from optopad.cad.mesh import mesh_of, read_stl, stl_bytes
 from optopad.cad.mold import build_mold
+from optopad.cad.tools import blade_size, indenter_tip, leveling_blade, shank_mm
 from optopad.design.errors import DesignError
 from optopad.design.mold.outline import bed_lift_mm, outline_of
 from optopad.design.mold.sockets import Cut
 from optopad.design.preset import preset
 from optopad.design.shape.cavity import cavity_of
-from optopad.design.spec.indenter import tip_height_mm
+from optopad.design.spec.indenter import tip_outline
 from tests.cad.agreement import cavity_agreement, first_hits_mm
 from tests.cad.golden_parts import RECORDED
 from tests.cad.volumes import blade_volume_mm3, indenter_tip_volume_mm3, mold_volume_mm3, shared_with_lip_mm3
@@ -288,4 +287,6 @@ def test_another_tip_has_the_volume_of_its_outline_and_is_closed(shape):
     part = trimesh.load_mesh(io.BytesIO(stl_bytes(mesh_of(solid))), file_type="stl")
     assert part.is_watertight
     assert part.volume == pytest.approx(expected, rel=VOLUME_LIMIT)
-    assert part.bounds[1][2] == pytest.approx(shank_mm(design) + tip_height_mm(design.indenter), abs=1e-4)
+    assert part.bounds[1][2] == pytest.approx(
+        shank_mm(design) + tip_outline(design.indenter)[-1].end[1], abs=1e-4
+    )

@@ -11,12 +11,10 @@ import trimesh
 
 from optopad.cad.checks import design_findings
 from optopad.cad.export import export_parts, part_files
-from optopad.cad.leveling_blade import PLAY_MM as BLADE_PLAY_MM
-from optopad.cad.leveling_blade import blade_size, leveling_blade
 from optopad.cad.lid import DRAFT_DEG, OVER_CROWN_MM, lid, lid_size, turned_over
 from optopad.cad.mesh import CHORD_LIMIT_MM, CHORD_MM, mesh_of, read_stl
 from optopad.cad.mold import build_mold
-from optopad.cad.pour_gauge import gauge_size
+from optopad.cad.tools import BLADE_PLAY_MM, blade_size, gauge_size, leveling_blade
 from optopad.design.mold.outline import bed_lift_mm, outline_of
 from optopad.design.preset import FLAT_PRESETS, SHAPED_PRESETS, preset
 from optopad.design.shape.cavity import cavity_of

@@ -40,12 +40,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from optopad.cad import leveling_blade, pour_gauge, solder_jig
-from optopad.cad.indenter_tip import shank_mm
-from optopad.cad.leveling_blade import BladeSize
+from optopad.cad import tools
 from optopad.cad.lid import Plug, lid_size, pin_chamfer_mm
-from optopad.cad.pour_gauge import GaugeSize
-from optopad.cad.solder_jig import JigSize
+from optopad.cad.tools import BladeSize, GaugeSize, JigSize, shank_mm
 from optopad.design.mold.lettering import Stroke, area_mm2, shapes_of
 from optopad.design.mold.outline import MoldOutline, outline_of
 from optopad.design.mold.part_numbers import DEPTH_MM, PartNumber
@@ -335,22 +332,22 @@ def _gauss(rate: Callable[[float], float], low: float, high: float) -> float:
 
 def blade_volume_mm3(size: BladeSize) -> float:
     """Volume of a leveling blade [mm3]: bar and tongue, less the bevel's triangle."""
-    bevel = min(leveling_blade.THICKNESS_MM - leveling_blade.EDGE_MM, size.reach_mm)
-    flat = size.span_mm * leveling_blade.GRIP_MM + size.tongue_mm * size.reach_mm
-    return flat * leveling_blade.THICKNESS_MM - size.tongue_mm * bevel**2 / 2
+    bevel = min(tools.BLADE_THICKNESS_MM - tools.BLADE_EDGE_MM, size.reach_mm)
+    flat = size.span_mm * tools.BLADE_GRIP_MM + size.tongue_mm * size.reach_mm
+    return flat * tools.BLADE_THICKNESS_MM - size.tongue_mm * bevel**2 / 2
 
 
 def gauge_volume_mm3(size: GaugeSize) -> float:
     """Volume of a pour gauge [mm3]: bar and teeth."""
-    flat = size.span_mm * pour_gauge.GRIP_MM + pour_gauge.TOOTH_MM * sum(size.teeth_mm)
-    return flat * pour_gauge.THICKNESS_MM
+    flat = size.span_mm * tools.GAUGE_GRIP_MM + tools.TOOTH_MM * sum(size.teeth_mm)
+    return flat * tools.GAUGE_THICKNESS_MM
 
 
 def jig_volume_mm3(size: JigSize) -> float:
     """Volume of a solder jig [mm3]: the plate less its cuts."""
     cut = sum((box.x1 - box.x0) * (box.y1 - box.y0) * (box.z1 - box.z0) for box in size.boxes)
     drilled = sum(_hole_mm3(hole) for hole in size.holes)
-    return size.length_mm * size.width_mm * solder_jig.THICKNESS_MM - cut - drilled
+    return size.length_mm * size.width_mm * tools.JIG_THICKNESS_MM - cut - drilled
 
 
 def indenter_tip_volume_mm3(design: SensorDesign) -> float:

@@ -6,9 +6,8 @@ import pytest
 
 from optopad.design.draft import Draft
 from optopad.design.errors import InputError
-from optopad.design.part_entry import LedSheet, PhotodiodeSheet, part_entry
+from optopad.design.part_entry import LedSheet, PhotodiodeSheet, packages, part_entry
 from optopad.design.parts.catalog import packaged, parse_entries
-from optopad.design.parts.packages import packages
 from optopad.design.parts.photometry import Intensity
 from optopad.design.rules.check import check
 from optopad.design.rules.mold import housing_notes

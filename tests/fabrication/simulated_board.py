@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from optopad.design.arrays import FloatArray, IntArray
 from optopad.design.circuit.circuit import Chips
 from optopad.design.circuit.circuit import Path as PinPath
+from optopad.design.draft import Draft
 from optopad.design.pad import Pad
 from optopad.design.parts.board_firmware import BoardFirmware
 from optopad.design.parts.catalog import find_board
@@ -36,6 +37,7 @@ from optopad.fabrication.driver.link.protocol import (
     FrameFormat,
     Hello,
     Kind,
+    Scanner,
     SelfTest,
     Unpacked,
     message_lengths,
@@ -43,7 +45,6 @@ from optopad.fabrication.driver.link.protocol import (
     unpack_hello,
     unpack_self_test,
 )
-from optopad.fabrication.driver.link.scanner import Scanner
 from optopad.fabrication.flash import COMPILER, compile_elf, has_compiler
 from optopad.fabrication.sketch import FirmwareSettings, firmware_settings, write_sketch
 
@@ -219,9 +220,11 @@ def light_table_mv(design: SensorDesign) -> IntArray:
     from optopad.sims.optics import trace
     from optopad.sims.readings.readout import readout_of
 
-    light = trace(design, np.array([[16.0, 16.0, 0.0], [12.0, 20.0, 2.0]]), accuracy="draft", seed=0)
+    light = trace(
+        Draft.of(design), np.array([[16.0, 16.0, 0.0], [12.0, 20.0, 2.0]]), accuracy="draft", seed=0
+    )
     cavity = cavity_of(design)
-    readout = readout_of(design, light.flux[0], mask_of(judged_pairs(cavity), cavity))
+    readout = readout_of(Draft.of(design), light.flux[0], mask_of(judged_pairs(cavity), cavity))
     ambient_mv = np.full(light.flux.shape[2], 20)
     signal_mv = np.rint(readout.counts(light.flux[1]) / FULL_SCALE * SUPPLY_MV).astype(np.int64)
     return np.vstack([np.minimum(signal_mv + ambient_mv, SUPPLY_MV), ambient_mv])

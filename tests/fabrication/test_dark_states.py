@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from optopad.design.circuit.circuit import Circuit
-from optopad.design.circuit.link import frame_bytes, sending_time_ms
+from optopad.design.circuit.circuit import Circuit, frame_bytes, sending_time_ms
 from optopad.design.errors import DeviceError
 from optopad.design.pad import Pad
 from optopad.design.preset import preset
@@ -34,6 +33,7 @@ from tests.fabrication.simulated_board import (
     simulate,
     unpack_self_test,
 )
+from tests.sims.readings.chain.pair_noise import pair_sigma_counts
 
 EACH = {"board.dark": "each", "board.frame_rate_hz": 40.0}
 SAID = [
@@ -156,7 +156,9 @@ def test_the_driver_s_signals_are_those_of_the_simulated_board() -> None:
 def test_a_lamp_s_flicker_is_removed_by_the_nearer_dark_states(flicker_hz: float) -> None:
     """Residues against their closed form, and against that of the dark state after each emitter alone."""
     lamp = {"noise.ambient_counts": 40.0, "noise.ambient_flicker": 0.3, "noise.flicker_hz": flicker_hz}
-    readout = Readout(counts_per_flux=54_500.0, full_scale_counts=1023.0)
+    readout = Readout(
+        counts_per_flux=54_500.0, full_scale_counts=1023.0, read_noise_counts=0.5, relative_noise=0.003
+    )
     flux = np.full((3000, 8, 8), 300 / 54_500.0)
     left, apart_s = {}, 0.0
     for dark in ("frame", "each"):
@@ -176,7 +178,9 @@ def test_a_lamp_s_flicker_is_removed_by_the_nearer_dark_states(flicker_hz: float
 
 @pytest.mark.parametrize("quantised_readings", [True, False])
 def test_the_noise_of_a_signal_has_the_mean_of_two_dark_readings(quantised_readings: bool) -> None:
-    readout = Readout(counts_per_flux=54_500.0, full_scale_counts=1023.0)
+    readout = Readout(
+        counts_per_flux=54_500.0, full_scale_counts=1023.0, read_noise_counts=0.5, relative_noise=0.003
+    )
     flux = np.full((4000, 8, 8), 300.3 / 54_500.0)
     found = {}
     for dark in ("frame", "each"):
@@ -184,9 +188,9 @@ def test_the_noise_of_a_signal_has_the_mean_of_two_dark_readings(quantised_readi
         chain = chain_of(without_noise(pad()).with_(**(changes | {"noise.dark_counts": 20.0})), readout)
         drawn = chain.counts(flux, np.arange(4000.0), np.random.default_rng(1))
         found[dark] = signals_of(drawn.astype(np.float64)).std(axis=0)
-        np.testing.assert_allclose(found[dark], chain.pair_sigma_counts(flux[0] * 54_500.0), rtol=0.06)
+        np.testing.assert_allclose(found[dark], pair_sigma_counts(chain, flux[0] * 54_500.0), rtol=0.06)
         assert np.median(found[dark]) == pytest.approx(
-            np.median(chain.pair_sigma_counts(flux[0] * 54_500.0)), rel=0.01
+            np.median(pair_sigma_counts(chain, flux[0] * 54_500.0)), rel=0.01
         )
     assert (found["each"] < found["frame"]).all()
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from optopad.design.circuit import link
+from optopad.design.circuit import circuit as electronics
 from optopad.design.circuit.circuit import Circuit
 from optopad.design.errors import DesignError, InputError
 from optopad.design.preset import PRESETS, preset
@@ -26,8 +26,8 @@ from optopad.fabrication.driver_file import (
     config_from_document,
     content_sha256,
     load_driver_config,
+    plain_of,
 )
-from optopad.fabrication.record import plain_of
 
 PAD = preset("piacenza2017-pad")
 
@@ -304,4 +304,4 @@ def test_the_timing_budget_of_the_pad_is_the_sum_by_hand() -> None:
 def test_the_baud_error_is_that_of_the_clock() -> None:
     board = config_of(PAD.with_(**{"board.baud": 115200})).board
     assert board.baud_error == pytest.approx(16e6 / (8 * 17) / 115200 - 1)
-    assert board.made_baud == pytest.approx(link.made_baud(16_000_000, 115200))
+    assert board.made_baud == pytest.approx(electronics.made_baud(16_000_000, 115200))

@@ -15,12 +15,10 @@ import numpy as np
 import pytest
 from scipy.signal import lti, step
 
-from optopad.design.circuit.circuit import Circuit
+from optopad.design.circuit.circuit import Circuit, frame_bytes, sending_time_ms
 from optopad.design.circuit.emitter_switch import current_sink, emitter_switch, supply_current
-from optopad.design.circuit.link import frame_bytes, sending_time_ms
 from optopad.design.circuit.transimpedance import (
     counts_per_flux_per_ohm,
-    full_scale_counts,
     settling_findings,
 )
 from optopad.design.errors import DesignError
@@ -213,7 +211,7 @@ def test_full_scale_is_the_converters_and_ends_at_the_amplifiers_supply() -> Non
     own_adc, mcp, ads = disc(), spi_disc("mcp3208"), spi_disc("ads8688")
     assert [Circuit.of(one).adc.full_scale_v for one in (own_adc, mcp, ads)] == [3.3, 3.3, 5.12]
     assert [Circuit.of(one).adc.supply_v for one in (own_adc, mcp, ads)] == [3.3, 3.3, 5.0]
-    assert [full_scale_counts(one) for one in (own_adc, mcp, ads)] == [4095, 4095, 64000]
+    assert [Circuit.of(one).adc.full_scale_counts for one in (own_adc, mcp, ads)] == [4095, 4095, 64000]
     assert driver_config(mcp).board.adc_reference == "MCP3208, its supply, 3.3 V"
     assert driver_config(ads).board.adc_reference == "ADS8688, its own range, 5.12 V"
     per_ohm = [counts_per_flux_per_ohm(Circuit.of(one)) for one in (mcp, ads)]

@@ -13,9 +13,8 @@ from optopad.fabrication.driver.link.protocol import FrameFormat, pack_frames
 from optopad.fabrication.driver.recording.recorder import Recorder
 from optopad.fabrication.driver_config import dump_driver_config
 from optopad.sims.learning.inference.extra_trees import ExtraTreesModel, Forest
-from optopad.sims.learning.inference.feature_scaling import FeatureScaling
 from optopad.sims.learning.inference.model_file import save_model
-from optopad.sims.learning.inference.sigma_table import UNIT_SIGMA
+from optopad.sims.learning.inference.touch_model import UNIT_SIGMA, FeatureScaling
 from optopad.sims.readings.dataset import save_data
 from tests.fabrication.driver.made_up_pad import pad_config, untouched
 from tests.sims.learning.made_up_map import made_up_map_model

@@ -18,7 +18,7 @@ from optopad.design.preset import preset
 from optopad.fabrication.driver_config import dump_driver_config
 from optopad.sims.learning.inference.extra_trees import ExtraTreesModel, Forest
 from optopad.sims.learning.inference.model_file import KINDS, save_model
-from optopad.sims.learning.inference.sigma_table import UNIT_SIGMA
+from optopad.sims.learning.inference.touch_model import UNIT_SIGMA
 from tests.fabrication.driver.made_up_model import header, made_up_model, readings
 from tests.fabrication.driver.made_up_pad import NAME, untouched
 from tests.sims.learning.made_up_map import made_up_map_model, made_up_noise, noisy_signals, random_presses

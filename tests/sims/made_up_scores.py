@@ -272,7 +272,12 @@ def _made_up(design: SensorDesign, onset_mm: float) -> ContinuityScore:
         unjudged={"E1-R9": 3.2},
         clipped=tuple(pair.name for pair in pairs if pair.score.is_clipped),
         untouched_flux=np.full((len(cavity.emitters), len(cavity.receivers)), UNTOUCHED_FLUX),
-        readout=Readout(counts_per_flux=300.0 / UNTOUCHED_FLUX, full_scale_counts=FULL_SCALE),
+        readout=Readout(
+            counts_per_flux=300.0 / UNTOUCHED_FLUX,
+            full_scale_counts=FULL_SCALE,
+            read_noise_counts=0.5,
+            relative_noise=0.003,
+        ),
         pad_map=pad_map,
         pad_signals=None,
         force=made_up_force(),

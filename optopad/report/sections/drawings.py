@@ -19,9 +19,8 @@ from optopad.report.scenes.layout_drawing import plot_layout
 from optopad.report.scenes.map_scene import MapScene, plot_by_depth
 from optopad.report.words import governing, ranked
 from optopad.screen.verdict_sentences import spans, unit_of
-from optopad.sims.contact.force_curve import ForceCurve
+from optopad.sims.contact.force_curve import ForceCurve, published_load
 from optopad.sims.contact.load_protocol import load_history, solid_of
-from optopad.sims.contact.published_load import published_load
 from optopad.sims.plots.builds import plot_builds
 from optopad.sims.plots.contact import (
     plot_contact_radius,

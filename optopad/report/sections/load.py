@@ -21,7 +21,7 @@ from optopad.report.markdown import html_of
 from optopad.report.sections.drawings import PROTOCOL, Drawing
 from optopad.report.sections.sensor import Pictures
 from optopad.report.words import part
-from optopad.sims.contact.published_load import compared, published_load
+from optopad.sims.contact.force_curve import compared, published_load
 from optopad.sims.score.result import ContinuityScore
 
 Drawings = dict[str, Drawing]

@@ -10,13 +10,13 @@ from markupsafe import Markup
 from optopad.design.arrays import FloatArray
 from optopad.design.shape.cavity import cavity_of
 from optopad.design.spec import SensorDesign
-from optopad.design.spec.properties import modulus
 from optopad.report.scenes.map_scene import DepthMap, MapScene, depth_maps
 from optopad.report.sections.drawings import Drawing
 from optopad.report.words import part
 from optopad.sims.bounds.detection_threshold import DetectionThreshold
 from optopad.sims.bounds.fisher import BAND
 from optopad.sims.bounds.observability import BoundFigure, PadBounds
+from optopad.sims.contact.scope import contact_of
 from optopad.sims.score.result import ContinuityScore
 from optopad.sims.verdict.figure_errors import place_force
 from optopad.sims.verdict.pad_map import PadMap, pad_profile
@@ -30,7 +30,7 @@ def map_scene(design: SensorDesign, score: ContinuityScore) -> MapScene | None:
     if pad_map is None or not score.pairs:
         return None
     depth_mm = score.pairs[0].curves.depth_mm
-    profile = pad_profile(design, pad_map, score.pad_signals, score.readout, depth_mm)
+    profile = pad_profile(cavity_of(design), pad_map, score.pad_signals, score.readout, depth_mm)
     return MapScene(
         cavity=cavity_of(design),
         tip_mm=design.indenter.tip_radius_mm,
@@ -207,10 +207,11 @@ def _detection(detection: DetectionThreshold) -> DepthMap:
 
 def load_map(design: SensorDesign, pad_map: PadMap, depth_mm: FloatArray) -> DepthMap:
     """Map of a press's load at each location, with the effect of near walls, for depths above 0."""
-    curves = [place_force(design, (place.x_mm, place.y_mm)) for place in pad_map.places]
+    contact = contact_of(design)
+    curves = [place_force(contact, (place.x_mm, place.y_mm)) for place in pad_map.places]
     depths = depth_mm[depth_mm > 0.0]
     loads = np.array([[curve.at(float(depth)) for curve, _ in curves] for depth in depths])
-    young = modulus(design)
+    young = contact.draft.modulus
     return DepthMap(
         key="load",
         title="Load",

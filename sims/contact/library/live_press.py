@@ -20,8 +20,6 @@ from scipy.interpolate import CubicSpline, PchipInterpolator, make_lsq_spline
 from optopad.design.arrays import FloatArray
 from optopad.design.errors import InputError
 from optopad.design.progress import OnShare
-from optopad.design.spec import SensorDesign
-from optopad.sims.contact.library.profiles import UnitPress
 from optopad.sims.contact.library.smooth_press import (
     LOAD_SHARES,
     POISSON_RATIOS,
@@ -34,14 +32,9 @@ from optopad.sims.contact.library.smooth_press import (
     off_crown,
     sample_arcs,
 )
-from optopad.sims.contact.library.stored_press import PressInputs, stored_press
-from optopad.sims.contact.scope import (
-    layer_depth,
-    solved_depths,
-    tip_radius_mm,
-    wall_radius,
-)
-from optopad.sims.contact.tip import tip_coordinate, tip_of, tip_outline
+from optopad.sims.contact.library.stored_press import PressInputs, UnitPress, stored_press
+from optopad.sims.contact.scope import Contact, solved_depths
+from optopad.sims.contact.tip import tip_coordinate, tip_outline
 
 DEPTHS_PER_INTERVAL = 3
 """Number of solved depths per interval of the splines."""
@@ -169,7 +162,7 @@ _SMOOTH: dict[tuple[int, int], tuple[UnitPress, UnitPress, SmoothPress]] = {}
 """Fitted presses of this process, by the `id` of their two solutions, which are stored too so that ids stay valid."""
 
 
-def mesh_size(design: SensorDesign, mesh_mm: float | None) -> float:
+def mesh_size(contact: Contact, mesh_mm: float | None) -> float:
     """Convert a node spacing under the tip from mm to tip radii; None becomes `DEFAULT_MESH`.
 
     Raises
@@ -178,7 +171,7 @@ def mesh_size(design: SensorDesign, mesh_mm: float | None) -> float:
     """
     if mesh_mm is None:
         return DEFAULT_MESH
-    radius = tip_radius_mm(design)
+    radius = contact.tip_radius_mm
     low, high = (bound * radius for bound in MESH_RANGE)
     if not low - 1e-9 <= mesh_mm <= high + 1e-9:
         raise InputError(f"mesh_mm: {mesh_mm:g} mm must lie between {low:g} and {high:g} mm for this tip")
@@ -186,13 +179,13 @@ def mesh_size(design: SensorDesign, mesh_mm: float | None) -> float:
 
 
 def live_press(
-    design: SensorDesign, spacing: float, deepest: float, on_step: OnShare | None
+    contact: Contact, spacing: float, deepest: float, on_step: OnShare | None
 ) -> tuple[UnitPress, SmoothPress, tuple[str, ...]]:
     """The press of a design's tip, solved now or taken from the cache of earlier solves.
 
     Parameters
     ----------
-    design : the sensor
+    contact : the design's tip and pad
     spacing, deepest : node spacing under the tip, and deepest press [tip radii]
     on_step : called with the fraction done (0 to 1)
 
@@ -205,15 +198,15 @@ def live_press(
     ------
     ContactSolveError : a state fails its checks
     """
-    layer, tip = layer_depth(design), tip_of(design.indenter)
+    layer = contact.layer
     depths = tuple(round(float(depth), 9) for depth in solved_depths(layer, max(deepest, LEAST_DEPTH)))
     inputs = PressInputs(
         layer=layer,
         mesh_size=spacing,
         depths=depths,
         poisson_ratio=POISSON_RATIOS[-1],
-        tip=tip,
-        wall_radius=wall_radius(design),
+        tip=contact.tip,
+        wall_radius=contact.wall_radius,
     )
     return both_ratios(inputs, on_step)
 
@@ -239,10 +232,9 @@ def both_ratios(
     return stiff, _smooth(soft, stiff), notes
 
 
-def live_note(design: SensorDesign, mesh_mm: float | None) -> str:
+def live_note(contact: Contact, mesh_mm: float | None) -> str:
     """A note for the user that a press was solved live, with which mesh, and without a comparison to a reference."""
-    tip = tip_radius_mm(design)
-    spacing = DEFAULT_MESH * tip if mesh_mm is None else mesh_mm
+    spacing = DEFAULT_MESH * contact.tip_radius_mm if mesh_mm is None else mesh_mm
     return (
         f"contact solved live on a mesh of {spacing:g} mm under the tip, not taken from the library: it "
         "was not compared with a reference"

@@ -42,9 +42,8 @@ from optopad.design.rules.shape import (
     LARGEST_SHARE_OF_LAYER,
     WALL_RADIUS_RANGE,
 )
-from optopad.sims.contact.crown import require_rim
 from optopad.sims.contact.library.smooth_press import VALUES, FitResidual, SmoothPress
-from optopad.sims.contact.scope import HALF_WIDTH, WALL_RADIUS, round_radius
+from optopad.sims.contact.scope import HALF_WIDTH, WALL_RADIUS, require_rim, round_radius
 
 FILE = "profiles.npz"
 """Name of the library file in the package's data folder."""

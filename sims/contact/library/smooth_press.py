@@ -72,8 +72,7 @@ from scipy.optimize import brentq
 
 from optopad.design.arrays import BoolArray, FloatArray
 from optopad.design.errors import ModelScopeError
-from optopad.sims.contact.crown import crown_drop, crown_slope
-from optopad.sims.contact.scope import WALL_RADIUS
+from optopad.sims.contact.scope import WALL_RADIUS, crown_drop, crown_slope
 from optopad.sims.contact.tip import HEMISPHERE, TipOutline, outside_tip, tip_coordinate, tip_gap, tip_outline
 from optopad.sims.contact.walls import FarPress, far_press
 
@@ -358,6 +357,7 @@ LOAD_SHARES = np.linspace(0.0, 1.0, 17)
 
 @cache
 def _arc_shares() -> FloatArray:
+    """Positions (sample,) on the free surface as shares of its arc length, 0 at the contact edge and 1 at the wall."""
     steps = [FIRST_SPACING]
     while sum(steps) < 1.0:
         steps.append(min(steps[-1] * SPACING_GROWTH, LARGEST_SPACING))
@@ -365,16 +365,11 @@ def _arc_shares() -> FloatArray:
     return np.asarray(shares / shares[-1], dtype=np.float64)
 
 
-def arc_shares() -> FloatArray:
-    """Positions (sample,) on the free surface as shares of its arc length, 0 at the contact edge and 1 at the wall."""
-    return _arc_shares().copy()
-
-
 def sample_arcs(length: float, wall_radius: float) -> FloatArray:
     """Arc lengths (sample,) of the free surface's samples, from 0 at the contact edge to `length` [tip radii].
 
     Near the contact, they hardly depend on the wall's position, so presses into pads of different sizes can be
-    interpolated. With a wall at `WALL_RADIUS`, they are `arc_shares` times the length.
+    interpolated. With a wall at `WALL_RADIUS`, they are `_arc_shares` times the length.
 
     Parameters
     ----------

@@ -32,8 +32,8 @@ from scipy.interpolate import PchipInterpolator
 
 from optopad.design.arrays import FloatArray
 from optopad.design.errors import InputError, ModelScopeError
+from optopad.design.fields.quantity import Quantity
 from optopad.design.rules.shape import NEAREST_WALL
-from optopad.sims.contact.library.profiles import UnitPress
 from optopad.sims.contact.library.smooth_press import (
     SmoothPress,
     TopCurve,
@@ -42,6 +42,7 @@ from optopad.sims.contact.library.smooth_press import (
     run_out,
     runs_back,
 )
+from optopad.sims.contact.library.stored_press import UnitPress
 from optopad.sims.contact.scope import half_width_of
 from optopad.sims.contact.tip import HEMISPHERE
 from optopad.sims.contact.walls import Size, Surroundings, surroundings
@@ -209,7 +210,7 @@ class SolvedPress:
     ----------
     smooth : the presses into the round pad, in tip radii and E R²
     tip_radius_mm : radius of the tip [mm]
-    youngs_modulus_mpa : Young's modulus of the layer [MPa]; it scales the force only
+    modulus : Young's modulus of the layer [MPa]; it scales the force only
     placed : the presses corrected for the walls of a rectangular pad at a location; if None, `smooth` is not corrected
     walls_mm : distances of the nearest and the farthest wall from the press axis in a pad with round walls [mm]; None
         if all walls are straight
@@ -219,7 +220,7 @@ class SolvedPress:
 
     smooth: SmoothPress
     tip_radius_mm: float
-    youngs_modulus_mpa: float
+    modulus: Quantity
     placed: PlacedPress | None = None
     walls_mm: tuple[float, float] | None = None
     unit: UnitPress | None = None
@@ -257,7 +258,7 @@ class SolvedPress:
 
     def force_n(self, depth_mm: float) -> float:
         """Force [N] at a depth [mm]; errors are those of `at`."""
-        depth, unit_n = self.scaled_depth(depth_mm), self.youngs_modulus_mpa * self.tip_radius_mm**2
+        depth, unit_n = self.scaled_depth(depth_mm), self.modulus.value * self.tip_radius_mm**2
         return unit_n * (self.placed or self.smooth).force_at(depth)
 
     def at(self, depth_mm: float) -> Indentation:

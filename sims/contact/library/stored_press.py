@@ -11,21 +11,83 @@ import hashlib
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
-from functools import cache
+from functools import cache, cached_property
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from optopad.design.arrays import FloatArray
 from optopad.design.errors import OutputError
 from optopad.design.files import whole_file
 from optopad.design.plain_arrays import plain_arrays
 from optopad.sims.cache import CACHE_VARIABLE
 from optopad.sims.cache import cache_folder as folder_of_all
-from optopad.sims.contact.library.profiles import UnitPress
 from optopad.sims.contact.scope import WALL_RADIUS
 from optopad.sims.contact.tip import HEMISPHERE, TipOutline
+
+
+@dataclass(frozen=True, kw_only=True)
+class UnitPress:
+    """Solved equilibrium states of one layer under one tip; lengths in tip radii R, forces in E R².
+
+    Attributes
+    ----------
+    layer_depth, wall_radius : layer thickness on the axis, and radius of the bonded wall
+    mesh_size : node spacing under the tip
+    wedge_angle : opening angle of the solved wedge about the axis [rad]
+    poisson_ratio : Poisson's ratio of the layer [-]
+    tip_rows : (piece, 7) outline of the tip, one array row per line or arc; see `TipOutline`
+    depths : (depth,) solved press depths, increasing, without 0
+    rest_radii : (node,) radii of the top nodes at rest, from the axis to the wall
+    radii, heights : (depth, node) points of the deformed top; heights are above the undeformed apex
+    normal_force : (depth, node) force of the tip on each top node, for the full circle; positive where the tip presses
+    force, contact_radius : (depth,) force on the tip, and radius of the contact edge
+    reaction : (depth,) vertical reaction of the bonded surfaces, computed from the deformed shape alone
+    penetration, last_step : (depth,) deepest overlap with the tip, and largest motion of a vertex in the last solver
+        step
+    chatter : (depth,) spread of the iterates if the solver ended in a cycle; 0 if it came to rest
+    smallest_stretch : (depth,) smallest volume ratio of an element [-]
+    volume_loss : (depth,) volume lost by compression [R³]
+    energy : (depth,) elastic energy of the layer [E R³]
+    versions : names and versions of the programs that computed the states
+    crown : tip radius over the radius of the top's sphere; 0 is flat [-]
+    """
+
+    layer_depth: float
+    wall_radius: float
+    mesh_size: float
+    wedge_angle: float
+    poisson_ratio: float
+    tip_rows: FloatArray
+    depths: FloatArray
+    rest_radii: FloatArray
+    radii: FloatArray
+    heights: FloatArray
+    normal_force: FloatArray
+    force: FloatArray
+    contact_radius: FloatArray
+    reaction: FloatArray
+    penetration: FloatArray
+    last_step: FloatArray
+    chatter: FloatArray
+    smallest_stretch: FloatArray
+    volume_loss: FloatArray
+    energy: FloatArray
+    versions: tuple[str, ...]
+    crown: float = 0.0
+
+    @property
+    def deepest(self) -> float:
+        """Deepest solved press [tip radii]."""
+        return float(self.depths[-1])
+
+    @cached_property
+    def tip(self) -> TipOutline:
+        """Outline of the pressing tip."""
+        return TipOutline.from_rows(self.tip_rows)
+
 
 RECIPE = 13
 """Version of the solver that computes stored solutions. Raise it when results change."""
@@ -80,22 +142,6 @@ class PressInputs:
         )
 
 
-def _solve(inputs: PressInputs, on_step: Callable[[float], None] | None) -> UnitPress:
-    """Solve the press with MuJoCo, which is imported only here, so that reading stored solutions does not need it."""
-    from optopad.sims.contact.library.unit_press import solve_unit_press
-
-    return solve_unit_press(
-        round(inputs.layer, 9),
-        round(inputs.mesh_size, 9),
-        inputs.depths,
-        inputs.poisson_ratio,
-        on_step,
-        inputs.tip,
-        round(inputs.wall_radius, 9),
-        round(inputs.crown, 9),
-    )
-
-
 def stored_press(
     inputs: PressInputs, on_step: Callable[[float], None] | None = None
 ) -> tuple[UnitPress, tuple[str, ...]]:
@@ -129,6 +175,7 @@ MOST_BYTES = 50_000_000
 _SCALARS = ("layer_depth", "wall_radius", "crown", "mesh_size", "wedge_angle", "poisson_ratio")
 _MAY_LACK = {"crown": 0.0}
 """Fields that may be missing from the entry of a flat layer, and the values that they then have."""
+_CHECKS = ("reaction", "penetration", "last_step", "chatter", "smallest_stretch", "volume_loss", "energy")
 _PER_STATE = ("radii", "heights", "normal_force")
 
 
@@ -196,3 +243,48 @@ def write_entry(key: str, press: UnitPress) -> str | None:
         reason = getattr(cause, "strerror", None) or str(cause)
         return f"contact solution not stored in {path.parent} ({reason}); set {CACHE_VARIABLE} to a writable folder"
     return None
+
+
+def _solve(inputs: PressInputs, on_step: Callable[[float], None] | None) -> UnitPress:
+    """Press a tip of radius 1 into a layer of modulus 1 with MuJoCo.
+
+    Raises
+    ------
+    InputError, ModelScopeError : the crown is not finite or is negative, or leaves too thin a rim
+    ContactSolveError : a state fails its checks
+    """
+    # MuJoCo is imported only here, so that reading stored solutions does not need it
+    from optopad.sims.contact.library.smooth_press import contact_tolerance, surface_curve
+    from optopad.sims.contact.mesh import radial_mesh
+    from optopad.sims.contact.wedge import WEDGE_ANGLE, solve_wedge
+
+    layer_depth, wall_radius, crown = (round(x, 9) for x in (inputs.layer, inputs.wall_radius, inputs.crown))
+    mesh = radial_mesh(layer_depth, wall_radius, round(inputs.mesh_size, 9), crown)
+    solution = solve_wedge(mesh, inputs.depths, inputs.poisson_ratio, on_step, inputs.tip)
+    spacing = float(mesh.nodes[mesh.top[1], 0])
+    tolerance = contact_tolerance(spacing, WEDGE_ANGLE)
+    contact = [
+        surface_curve(
+            radius, height, float(depth), spacing=spacing, tolerance=tolerance, tip=inputs.tip, crown=crown
+        ).contact_radius
+        for radius, height, depth in zip(solution.radii, solution.heights, solution.depths, strict=True)
+    ]
+    checks = {name: np.array([getattr(check, name) for check in solution.checks]) for name in _CHECKS}
+    return UnitPress(
+        layer_depth=layer_depth,
+        wall_radius=wall_radius,
+        crown=crown,
+        mesh_size=spacing,
+        wedge_angle=WEDGE_ANGLE,
+        poisson_ratio=inputs.poisson_ratio,
+        tip_rows=np.array(inputs.tip.rows),
+        depths=solution.depths,
+        rest_radii=mesh.nodes[mesh.top, 0],
+        radii=solution.radii,
+        heights=solution.heights,
+        normal_force=solution.normal_force,
+        force=solution.force,
+        contact_radius=np.array(contact),
+        versions=(f"mujoco {version('mujoco')}",),
+        **checks,
+    )

@@ -15,18 +15,21 @@ from numpy.typing import NDArray
 
 from optopad.design.arrays import FloatArray
 from optopad.design.errors import InputError
-from optopad.sims.learning.inference.feature_scaling import FeatureScaling, scaling_of_arrays
 from optopad.sims.learning.inference.header import ModelHeader
-from optopad.sims.learning.inference.prediction import Prediction
-from optopad.sims.learning.inference.sigma_table import SigmaTable, sigma_table_of_arrays
 from optopad.sims.learning.inference.touch_model import (
     Arrays,
+    FeatureScaling,
+    Prediction,
+    SigmaTable,
+    TouchSvm,
     checked_signals,
     prediction_of,
+    scaling_of_arrays,
+    sigma_table_of_arrays,
     taken,
     taken_whole,
+    touch_svm_of_arrays,
 )
-from optopad.sims.learning.inference.touch_svm import TouchSvm, touch_svm_of_arrays
 
 FRAMES_AT_ONCE = 1_000
 LEAST_SPREAD_MM = 0.05

@@ -15,11 +15,18 @@ from numpy.typing import NDArray
 
 from optopad.design.arrays import FloatArray
 from optopad.design.errors import InputError
-from optopad.sims.learning.inference.feature_scaling import FeatureScaling, scaling_of_arrays
 from optopad.sims.learning.inference.header import ModelHeader
-from optopad.sims.learning.inference.prediction import Prediction
-from optopad.sims.learning.inference.touch_model import Arrays, checked_signals, prediction_of, taken
-from optopad.sims.learning.inference.touch_svm import TouchSvm, touch_svm_of_arrays
+from optopad.sims.learning.inference.touch_model import (
+    Arrays,
+    FeatureScaling,
+    Prediction,
+    TouchSvm,
+    checked_signals,
+    prediction_of,
+    scaling_of_arrays,
+    taken,
+    touch_svm_of_arrays,
+)
 
 Float32Array = NDArray[np.float32]
 

@@ -75,9 +75,16 @@ from numpy.typing import NDArray
 from optopad.design.arrays import FloatArray, IntArray
 from optopad.design.errors import InputError
 from optopad.sims.learning.inference.header import ModelHeader
-from optopad.sims.learning.inference.prediction import Prediction
-from optopad.sims.learning.inference.sigma_table import UNIT_SIGMA, SigmaTable, sigma_table_of_arrays
-from optopad.sims.learning.inference.touch_model import Arrays, checked_signals, prediction_of, taken
+from optopad.sims.learning.inference.touch_model import (
+    UNIT_SIGMA,
+    Arrays,
+    Prediction,
+    SigmaTable,
+    checked_signals,
+    prediction_of,
+    sigma_table_of_arrays,
+    taken,
+)
 
 CHUNK = 256
 """Number of points that are evaluated at once: each needs 64 coefficients for every pair, 4 MB in all for 64 pairs."""

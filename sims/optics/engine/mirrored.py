@@ -39,19 +39,24 @@ from optopad.sims.optics.engine.straight import (
     plan_distance,
 )
 from optopad.sims.optics.kernel_types import ImageRules
-from optopad.sims.optics.surface.curves import ACTIVE, X, Y
+from optopad.sims.optics.surface.curves import ACTIVE, TOP, X, Y
 from optopad.sims.optics.surface.radial import (
+    distance,
     fall_bound,
     fresnel,
     kernel,
     radiance,
+    reach2,
     slope_bound,
     wall_normal,
     wall_point,
 )
 from optopad.sims.optics.surface.tops import (
+    BLOCK_X,
+    BLOCK_Y,
     FIELD_SLOPE,
     Top,
+    block_bounds,
     cell_at,
     is_beyond,
     surface_bend,
@@ -155,6 +160,10 @@ def _spread(
     return f * fresnel(into / (d * math.sqrt(1.0 + gx * gx + gy * gy)), box[3])
 
 
+FEWEST_PARTS = 4
+"""Least number of parts in which lines to an emitter or receiver are followed."""
+
+
 @kernel
 def _may_be_shaded(px: float, py: float, pz: float, patch: FloatArray, box: FloatArray, top: Top) -> bool:
     """Whether the line from the top down to a patch may meet the top again, as it does not fall steeply enough."""
@@ -180,7 +189,49 @@ def _may_be_shaded(px: float, py: float, pz: float, patch: FloatArray, box: Floa
                 plan_distance(px, py, x1, y1, rows[k, X], rows[k, Y]),
             )
         slope += slope_bound(near * near, k, rows)
-    return pz - z < slope * run
+    return pz - z < slope * run and not _is_above(px, py, pz, x0, y0, x1, y1, z, top)
+
+
+@kernel
+def _is_above(
+    px: float, py: float, pz: float, x0: float, y0: float, x1: float, y1: float, z: float, top: Top,
+) -> bool:  # fmt: skip
+    """Whether one tip's top is nowhere below the lines from its point p down to an edge from (x0, y0) to (x1, y1) at z.
+
+    The lines are followed in parts of equal shares. In a part the top stays above them if its lowest point there is
+    above their highest, or if it falls less steeply than they do. False means that neither bound shows it.
+    """
+    rows = top.rows
+    fall = pz - z
+    qx = 0.5 * (x0 + x1) - px
+    qy = 0.5 * (y0 + y1) - py
+    half = 0.5 * distance(x1 - x0, y1 - y0)
+    length = distance(qx, qy)
+    width = min(1.0 / max(rows[0, BLOCK_X], 1e-9), 1.0 / max(rows[0, BLOCK_Y], 1e-9))
+    if rows.shape[0] > 1 or fall <= 0.0 or half >= 0.8 * width:
+        return False
+    run = length + half
+    parts = max(math.ceil(length / (2.0 * (width - half))), FEWEST_PARTS)
+    ax = px - rows[0, X]
+    ay = py - rows[0, Y]
+    nearest = -(ax * qx + ay * qy) / max(length * length, 1e-30)
+    toward = min(ax * (x0 - px) + ay * (y0 - py), ax * (x1 - px) + ay * (y1 - py))
+    least2 = plan_distance(x0, y0, x1, y1, px, py) ** 2
+    for k in range(parts):
+        one = k / parts
+        two = (k + 1) / parts
+        low, steep = block_bounds(px + 0.5 * (one + two) * qx, py + 0.5 * (one + two) * qy, top)
+        s = min(max(nearest, one), two)
+        near = max(distance(ax + s * qx, ay + s * qy) - two * half, 0.0)
+        near2 = near * near
+        level = pz - one * fall - low
+        if level < rows[0, TOP] and reach2(level, 0, rows) <= near2:
+            continue
+        start = max(distance(ax + one * qx, ay + one * qy) - one * half, 1e-9)
+        inward = min(max(-(toward + one * least2) / start, 0.0), run)
+        if (steep + fall_bound(near2, 0, rows)) * run + slope_bound(near2, 0, rows) * inward > fall:
+            return False
+    return True
 
 
 @kernel

@@ -475,6 +475,10 @@ def _march_on_field(
     while True:
         away = t - closest
         r2 = near2 + plan2 * away * away
+        if dz < 0.0:
+            level = z + dz * t - rows[0, FIELD_LOWEST]
+            if level < rows[0, TOP] and reach2(level, 0, rows) <= (near2 if away < 0.0 else r2):
+                return t, -1.0
         gap, gx, gy = field_gradient(x + dx * t, y + dy * t, top)
         gap -= z + dz * t
         opening = gx * dx + gy * dy - dz

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from dataclasses import fields as dataclass_fields
+from functools import cache
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
@@ -127,6 +128,7 @@ def _remembered(store: dict[str, Kept], key: str, made: Callable[[], Kept]) -> K
     return found
 
 
+@cache
 def gauss(count: int) -> tuple[FloatArray, FloatArray]:
     """Gauss-Legendre nodes and weights on 0 to 1."""
     nodes, weights = np.polynomial.legendre.leggauss(count)

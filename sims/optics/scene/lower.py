@@ -11,17 +11,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from optopad.design.arrays import BoolArray, FloatArray, IntArray
+from optopad.design.draft import Draft
 from optopad.design.errors import InputError
+from optopad.design.fields.quantity import absorption_per_mm
 from optopad.design.once import once
-from optopad.design.shape.cavity import PlacedPart, Plan, cavity_of
+from optopad.design.shape.cavity import PlacedPart, Plan
 from optopad.design.shape.outline import Arc, Outline
 from optopad.design.spec import SensorDesign
-from optopad.design.spec.properties import (
-    absorption_coefficient_per_mm,
-    emitter_order,
-    refractive_index,
-    wall_index,
-)
+from optopad.design.spec.properties import emitter_order
 from optopad.sims.optics.scene.optical_scene import (
     COSINE_NODES,
     WHOLE_CIRCLE,
@@ -173,17 +170,16 @@ def scene_of(design: SensorDesign) -> OpticalScene:
     An emitter's angular pattern, if it has one, replaces its Lambertian order. A receiver counts all light on its
     active area, at any angle, unless its part gives the index of the epoxy on the chip.
     """
-    cavity = cavity_of(design)
-    plan = cavity.plan
-    surfaces = design.surfaces
-    index = refractive_index(design).value
-    behind = wall_index(design)
+    draft = Draft.of(design)
+    cavity, behind = draft.cavity, draft.wall_index
+    plan, surfaces = cavity.plan, design.surfaces
+    index = draft.refractive_index.value
     return OpticalScene(
         length_mm=cavity.length_mm,
         width_mm=cavity.width_mm,
         height_mm=cavity.clear_mm,
         refractive_index=index,
-        absorption_per_mm=absorption_coefficient_per_mm(design),
+        absorption_per_mm=absorption_per_mm(draft.absorption_db_per_cm.value),
         wall_reflectance=surfaces.wall_reflectance,
         bottom_reflectance=surfaces.bottom_reflectance,
         tip_reflectance=surfaces.tip_reflectance,

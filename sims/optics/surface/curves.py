@@ -209,7 +209,9 @@ CONTACT = 20
 CONTACT_PARTS = 48
 COLUMNS = CONTACT + CONTACT_PARTS + 1
 # a tip's row as kernels read it: the press's columns, data of the field (first tip), levels, pieces
-FIELD_COLUMNS = 9
+BLOCKS = 16
+"""Number of blocks along each side of the field, for which its lowest value and largest slope are kept."""
+FIELD_COLUMNS = 11 + 2 * BLOCKS * BLOCKS
 REACH = COLUMNS + FIELD_COLUMNS
 PIECES = REACH + LEVELS
 ROW = PIECES + PIECE_COLUMNS * CELLS

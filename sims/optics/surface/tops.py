@@ -32,6 +32,7 @@ from optopad.design.errors import InputError, ModelScopeError
 from optopad.sims.optics.scene.optical_scene import OpticalScene, SmoothField
 from optopad.sims.optics.surface.curves import (
     ACTIVE,
+    BLOCKS,
     CELLS,
     COLUMNS,
     CONTACT_R,
@@ -61,9 +62,9 @@ from optopad.sims.optics.surface.radial import (
 )
 from optopad.sims.press import Indentation
 
-FIELD_ON, FIELD_X, FIELD_Y, PER_X, PER_Y, FIELD_LOWEST, FIELD_SLOPE, FIELD_BEND, SLACK = range(
-    COLUMNS, COLUMNS + FIELD_COLUMNS
-)
+(
+    FIELD_ON, FIELD_X, FIELD_Y, PER_X, PER_Y, FIELD_LOWEST, FIELD_SLOPE, FIELD_BEND, SLACK, BLOCK_X, BLOCK_Y, BLOCK,
+) = range(COLUMNS, COLUMNS + 12)  # fmt: skip
 
 
 class Top(NamedTuple):
@@ -74,7 +75,7 @@ class Top(NamedTuple):
     rows : (tip, n) numbers of each tip; see `optopad.sims.optics.surface.curves`. The first row also has, from column
         `FIELD_ON`: 1 if there is a field, else 0; the field's origin [mm], cells per mm along x and y, lowest value (0
         or below) [mm], largest slope [-] and bend [1/mm]; largest amount by which the field and the other tips lower
-        the top [mm]
+        the top [mm]; blocks per mm along x and y; lowest value and largest slope around each block (`_blocks`)
     field : (nx, ny, 16) coefficients of u^p v^q in each cell, for u and v from 0 to 1 [mm]; q varies fastest. (0, 0,
         16) without a field
     """
@@ -175,6 +176,15 @@ def field_gradient(x: float, y: float, top: Top) -> tuple[float, float, float]:
     across = _cubic_slope(c, 0, v)
     across += u * (_cubic_slope(c, 4, v) + u * (_cubic_slope(c, 8, v) + u * _cubic_slope(c, 12, v)))
     return height, along * top.rows[0, PER_X], across * top.rows[0, PER_Y]
+
+
+@inlined
+def block_bounds(x: float, y: float, top: Top) -> tuple[float, float]:
+    """Lowest value of the field [mm] and its largest slope, within one block's width around the block of a point."""
+    i = min(max(int((x - top.rows[0, FIELD_X]) * top.rows[0, BLOCK_X]), 0), BLOCKS - 1)
+    j = min(max(int((y - top.rows[0, FIELD_Y]) * top.rows[0, BLOCK_Y]), 0), BLOCKS - 1)
+    column = BLOCK + 2 * (BLOCKS * i + j)
+    return top.rows[0, column], top.rows[0, column + 1]
 
 
 @kernel
@@ -706,8 +716,28 @@ def _known_of(field: SmoothField) -> FloatArray:
     row[FIELD_SLOPE - FIELD_ON] = SLOPE_RESERVE * float(np.hypot(slope_x, slope_y).max())
     row[FIELD_BEND - FIELD_ON] = BEND_RESERVE * max(float(bend.max()), 0.0)
     row[SLACK - FIELD_ON] = -row[FIELD_LOWEST - FIELD_ON]
+    shape = np.array(field.nodes.shape[:2]) - 1
+    row[BLOCK_X - FIELD_ON : BLOCK - FIELD_ON] = BLOCKS / (shape * field.step_mm)
+    lowest, slope = (
+        of_cells.reshape(*shape, -1) for of_cells in (-np.minimum(value, 0.0), np.hypot(slope_x, slope_y))
+    )
+    around = np.stack([_blocks(lowest.max(axis=2)), _blocks(slope.max(axis=2))], axis=-1)
+    row[BLOCK - FIELD_ON :] = (SLOPE_RESERVE * around * [-1.0, 1.0]).ravel()
     _KNOWN[field] = row
     return row
+
+
+def _blocks(of_cells: FloatArray) -> FloatArray:
+    """(BLOCKS, BLOCKS) largest value of the cells (nx, ny) in each block and within one block's width around it."""
+    for axis in (0, 1):
+        cells = of_cells.shape[axis]
+        first = np.maximum(np.floor((np.arange(BLOCKS) - 1) * cells / BLOCKS), 0).astype(int)
+        last = np.minimum(np.ceil((np.arange(BLOCKS) + 2) * cells / BLOCKS), cells - 1).astype(int)
+        spans = np.stack([first, last], axis=1).ravel()
+        within = np.maximum.reduceat(of_cells, spans, axis=axis)
+        within = within[::2] if axis == 0 else within[:, ::2]
+        of_cells = np.maximum(within, np.take(of_cells, last, axis=axis))
+    return of_cells
 
 
 def _sampled(field: SmoothField) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:

@@ -7,8 +7,8 @@ import pytest
 
 from optopad.design.errors import InputError
 from optopad.design.fields.quantity import Quantity
+from optopad.design.part_entry import ELASTOMER_INDEX, EPOXY_INDEX, half_angle_in_elastomer, packages
 from optopad.design.parts.catalog import packaged
-from optopad.design.parts.packages import ELASTOMER_INDEX, EPOXY_INDEX, half_angle_in_elastomer, packages
 from optopad.design.parts.photometry import (
     Intensity,
     efficacy_lm_per_w,

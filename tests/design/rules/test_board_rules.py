@@ -10,9 +10,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from optopad.design.circuit.circuit import Circuit
+from optopad.design.circuit.circuit import (
+    Circuit,
+    baud_error,
+    frame_bytes,
+    link_time_ms,
+    made_baud,
+    state_count,
+)
 from optopad.design.circuit.emitter_switch import emitter_switch, most_drive_ma
-from optopad.design.circuit.link import baud_error, frame_bytes, link_time_ms, made_baud, state_count
 from optopad.design.circuit.pin_rules import faster_boards
 from optopad.design.circuit.transimpedance import counts_per_flux_per_ohm
 from optopad.design.errors import DesignError

@@ -15,8 +15,7 @@ import optuna
 import pytest
 
 from optopad.design.errors import DesignError, InputError
-from optopad.design.search.explore import explore, findings_of, sampler_of
-from optopad.design.search.front import not_dominated
+from optopad.design.search.explore import explore, findings_of, not_dominated, sampler_of
 from optopad.design.search.improve import Judged
 
 HERE = Path(__file__).parent
@@ -124,7 +123,7 @@ def test_designs_that_died_change_neither_the_others_nor_their_numbers(
 SEARCH = """
 import json, sys
 from optopad.design.search.explore import explore
-from optopad.design.search.importance import importances
+from optopad.design.search.explore import importances
 from tests.design.search.cheap_search import bowl, cheap_space
 found = explore(cheap_space(), bowl, sys.argv[1], trials=26)
 tried = [(one.number, list(one.parameters.items()), list(one.judged.figures.items())) for one in found.tried]

@@ -6,10 +6,9 @@ from functools import cache
 
 import numpy as np
 
-from optopad.sims.learning.inference.feature_scaling import FeatureScaling
 from optopad.sims.learning.inference.header import ForceCurve, ModelHeader
 from optopad.sims.learning.inference.kernel_ridge import KernelRidgeModel
-from optopad.sims.learning.inference.touch_svm import TouchSvm
+from optopad.sims.learning.inference.touch_model import FeatureScaling, TouchSvm
 from tests.fabrication.driver.made_up_pad import pad_config, press_table
 
 FULL_SCALE = 1023.0

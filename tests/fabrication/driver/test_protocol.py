@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from optopad.design.circuit import link
+from optopad.design.circuit import circuit as electronics
 from optopad.fabrication.driver.link.protocol import (
     COMMAND_BYTES,
     Command,
@@ -71,7 +71,7 @@ def test_a_frame_by_hand() -> None:
 @given(st.integers(1, 64), st.integers(1, 16))
 def test_a_frame_is_as_long_as_the_timing_budget_says(emitters: int, receivers: int) -> None:
     layout = FrameFormat(emitters=emitters, receivers=receivers, bits=10)
-    assert layout.total_bytes == link.frame_bytes(emitters, receivers, 10)
+    assert layout.total_bytes == electronics.frame_bytes(emitters, receivers, 10)
 
 
 @given(

@@ -9,9 +9,9 @@ import pytest
 
 from optopad.cli import main
 from optopad.design.io import load_design
+from optopad.design.part_entry import packages
 from optopad.design.parts.catalog import CatalogEntries, packaged
 from optopad.design.parts.listing import kinds_of
-from optopad.design.parts.packages import packages
 from optopad.design.preset import preset
 from optopad.verbs import part as parts
 from tests.said import says

@@ -20,7 +20,7 @@ from optopad.report.sections.closing import WRITTEN_LAST
 from optopad.report.sections.drawings import drawings_of, shown_pairs
 from optopad.report.sections.load import force_section
 from optopad.report.words import governing, ranked
-from optopad.sims.contact.published_load import PIACENZA_2017, published_load
+from optopad.sims.contact.force_curve import PIACENZA_2017, published_load
 from optopad.sims.score.result import ContinuityScore
 from tests.optopad.report.page_reader import Page
 from tests.said import says

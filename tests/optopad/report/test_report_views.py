@@ -19,7 +19,7 @@ from optopad.report.scenes.mold_scene import mold_scene
 from optopad.report.scenes.pair_scene import STEPS, pair_scene
 from optopad.report.sections.maps import load_map, map_scene
 from optopad.report.words import script_text
-from optopad.sims.optics.light_signals import LightSignals
+from optopad.sims.optics.accuracy import LightSignals
 from optopad.sims.verdict.depth_curve import noise_units
 from optopad.sims.verdict.pad_map import Place, pad_profile
 from tests.optopad.report.bounded_score import bounded_score
@@ -109,7 +109,7 @@ def test_the_change_by_depth_is_that_of_the_most_responsive_pair_over_three_tent
         digest="",
         seed=0,
     )
-    profile = pad_profile(PAIR, score.pad_map, light, readout, depth)
+    profile = pad_profile(cavity_of(PAIR), score.pad_map, light, readout, depth)
     assert profile.change is not None
     assert profile.change.shape == (51, places)
     noise = {
@@ -144,7 +144,7 @@ def test_the_least_change_by_depth_is_the_margin_of_the_verdict() -> None:
     light = LightSignals(
         flux=flux, by_class={}, standard_error=np.zeros_like(flux), presses=presses, digest="", seed=0
     )
-    profile = pad_profile(PAIR, pad, light, score.readout, depth)
+    profile = pad_profile(cavity_of(PAIR), pad, light, score.readout, depth)
     noise = {
         "read_noise_counts": PAIR.noise.read_noise_counts,
         "relative_noise": PAIR.noise.relative_noise,

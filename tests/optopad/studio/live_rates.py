@@ -17,8 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
+from optopad.design.draft import Draft
 from optopad.design.preset import FLAT_PRESETS, preset
-from optopad.design.shape.cavity import cavity_of
 from optopad.design.spec import SensorDesign
 from optopad.fabrication.driver.link.frames import Frame
 from optopad.studio.live import FAKE, LiveSensor
@@ -70,9 +70,9 @@ def by_light(design: SensorDesign, is_over: threading.Event) -> None:
     """Work as the studio's: the untouched pad's light, over and over."""
     from optopad.sims.verdict.presses import untouched_flux
 
-    cavity, seed = cavity_of(design), 1
+    seed = 1
     while not is_over.is_set():
-        untouched_flux(design, cavity, seed=seed)
+        untouched_flux(Draft.of(design), seed=seed)
         seed += 1
 
 

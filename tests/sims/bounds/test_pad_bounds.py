@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from optopad.design.draft import Draft
 from optopad.design.preset import preset
 from optopad.design.shape.cavity import cavity_of, judged_pairs, mask_of
 from optopad.sims.bounds.fisher import Steps, bounds_of, sensitivities, sensitivity
@@ -24,7 +25,7 @@ def both_seeds():
     design = preset("piacenza2017-pad").with_(
         **{"operating.workspace_margin_mm": 5.0, "gain.feedback_ohm": "common"}
     )
-    return [pad_bounds(design, places=3, depths_mm=DEPTHS_MM, seed=seed) for seed in (0, 1)]
+    return [pad_bounds(Draft.of(design), places=3, depths_mm=DEPTHS_MM, seed=seed) for seed in (0, 1)]
 
 
 def test_the_map_s_light_serves_the_bounds(monkeypatch, tmp_path):
@@ -41,13 +42,13 @@ def test_the_map_s_light_serves_the_bounds(monkeypatch, tmp_path):
         return original(work, part, wanted)
 
     place, depth_mm = np.array([[12.3, 9.1]]), 1.5
-    trace(design, np.array([[12.3, 9.1, depth] for depth in (1.4, 1.6)]), accuracy="score", seed=3)
+    trace(Draft.of(design), np.array([[12.3, 9.1, depth] for depth in (1.4, 1.6)]), accuracy="score", seed=3)
     monkeypatch.setattr(engine, "_traced_rows", counted)
-    flat = untouched_flux(design, cavity_of(design), seed=3)
-    readout = readout_of(design, flat, mask_of(judged_pairs(cavity_of(design)), cavity_of(design)))
+    flat = untouched_flux(Draft.of(design), seed=3)
+    readout = readout_of(Draft.of(design), flat, mask_of(judged_pairs(cavity_of(design)), cavity_of(design)))
     traced.clear()
     voxel = np.column_stack([place, [depth_mm]])
-    sensitivity(design, voxel, readout, accuracy="score", seed=3, steps=Steps())
+    sensitivity(Draft.of(design), voxel, readout, accuracy="score", seed=3, steps=Steps())
     assert sum(traced) == 10
 
 
@@ -96,10 +97,12 @@ def test_no_pair_of_a_dome_is_left_out_for_an_error_that_all_its_presses_share()
     places, depth_mm, readout = (
         np.array([[11.0, 7.5], [11.0, 11.5]]),
         np.array([2.9]),
-        own_readout(design, seed=0),
+        own_readout(Draft.of(design), seed=0),
     )
     found, finer = (
-        sensitivities(design, places, depth_mm, readout, accuracies=accuracies, seed=0, steps=Steps())
+        sensitivities(
+            Draft.of(design), places, depth_mm, readout, accuracies=accuracies, seed=0, steps=Steps()
+        )
         for accuracies in (BOUND_ACCURACIES, ("standard",))
     )
     assert (found.weight > 0.0).all()

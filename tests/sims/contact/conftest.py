@@ -11,6 +11,7 @@ from optopad.design.spec import SensorDesign
 from optopad.sims.contact.indentation import solved_press
 from optopad.sims.contact.library import stored_press
 from optopad.sims.contact.library.solved_press import SolvedPress
+from optopad.sims.contact.scope import contact_of
 from tests.sims.contact import kept_presses
 from tests.sims.contact.kept_presses import COARSE_MM, kept_or_solved
 
@@ -33,10 +34,10 @@ def check_design() -> SensorDesign:
 @pytest.fixture(scope="session")
 def coarse_press(check_design: SensorDesign) -> SolvedPress:
     """As it was solved when `kept_presses` was run; a slow test solves it live."""
-    return solved_press(check_design, mesh_mm=COARSE_MM)
+    return solved_press(contact_of(check_design), mesh_mm=COARSE_MM)
 
 
 @pytest.fixture(scope="session")
 def shallow_press(check_design: SensorDesign) -> SolvedPress:
     """From the library."""
-    return solved_press(check_design, 0.5)
+    return solved_press(contact_of(check_design), 0.5)

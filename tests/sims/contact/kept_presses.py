@@ -16,8 +16,8 @@ from optopad.design.preset import preset
 from optopad.design.spec import SensorDesign
 from optopad.sims.contact.indentation import solved_press
 from optopad.sims.contact.library import stored_press
-from optopad.sims.contact.library.profiles import UnitPress
-from optopad.sims.contact.library.stored_press import PressInputs
+from optopad.sims.contact.library.stored_press import PressInputs, UnitPress
+from optopad.sims.contact.scope import contact_of
 from tests.validation.contact.crown.crowned_press import CrownedPad, crowned_press
 
 COARSE_MM = 0.45
@@ -98,7 +98,7 @@ def solve_and_keep() -> None:
 
     stored_press._solve = solve_and_write
     stored_press.read_entry = lambda _key: None
-    solved_press(check_design(), mesh_mm=COARSE_MM)
+    solved_press(contact_of(check_design()), mesh_mm=COARSE_MM)
     crowned_press(CROWNED_PAD, CROWNED_DEPTH_MM, COARSE_MM)
 
 

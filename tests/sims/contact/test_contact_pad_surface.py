@@ -12,6 +12,7 @@ from optopad.sims.contact import indent
 from optopad.sims.contact.indentation import solved_press
 from optopad.sims.contact.library.profile_library import shipped_library
 from optopad.sims.contact.pad_surface import contact_notes, curve_height_mm, pad_surface
+from optopad.sims.contact.scope import contact_of
 
 NODES = np.linspace(0.0, 32.0, 65)
 PLACES = [(16.0, 16.0), (7.0, 9.0), (6.0, 16.0), (6.0, 6.0)]
@@ -80,10 +81,10 @@ def test_in_the_middle_of_a_square_pad_the_press_is_that_of_the_round_pad_of_its
     surface = pad_surface(pad, 2.0)
     radius = from_axis((16.0, 16.0))
     near = (radius > surface.near.contact_radius_mm) & (radius < 8.0)
-    round_pad = curve_height_mm(solved_press(pad).round_pad_at(2.0), radius)
+    round_pad = curve_height_mm(solved_press(contact_of(pad)).round_pad_at(2.0), radius)
     assert np.abs(surface.height_mm(NODES, NODES) - round_pad)[near].max() < 6e-3
-    assert solved_press(pad).force_n(2.0) == pytest.approx(
-        9.0 * solved_press(pad).smooth.force_at(2 / 3) * 1.0, rel=0.02
+    assert solved_press(contact_of(pad)).force_n(2.0) == pytest.approx(
+        9.0 * solved_press(contact_of(pad)).smooth.force_at(2 / 3) * 1.0, rel=0.02
     )
 
 
@@ -91,7 +92,7 @@ def test_in_the_middle_of_a_square_pad_the_press_is_that_of_the_round_pad_of_its
 def test_walls_stiffen_a_press_beside_them_and_a_small_pad(pad: SensorDesign) -> None:
     middle, side, corner = (indent(pad, 2.0, at).force_n for at in (None, (6.0, 16.0), (6.0, 6.0)))
     assert middle < side < corner
-    small = solved_press(preset("fingertip-16"))
+    small = solved_press(contact_of(preset("fingertip-16")))
     wide = shipped_library().press(small.smooth.layer_depth)
     assert small.smooth.force_at(0.5) > 1.01 * wide.force_at(0.5)
 
@@ -102,7 +103,7 @@ def test_a_place_nearer_to_a_wall_than_the_model_covers_is_refused_by_name(pad: 
 
 
 def test_notes_tell_of_the_force_in_the_corner_and_of_live_solves(pad: SensorDesign) -> None:
-    notes = " ".join(contact_notes(pad))
+    notes = " ".join(contact_notes(contact_of(pad)))
     assert "walls stiffen" in notes
     assert " % at the workspace corner (6, 6) mm" in notes
     assert "solved live" not in notes

@@ -8,11 +8,12 @@ import pytest
 from optopad.design.errors import ModelScopeError
 from optopad.design.preset import preset
 from optopad.sims.contact.indentation import solved_press
+from optopad.sims.contact.library import stored_press
 from optopad.sims.contact.library.live_press import fit_press, tributary_areas
 from optopad.sims.contact.library.solved_press import SolvedPress
-from optopad.sims.contact.library.unit_press import solve_unit_press
 from optopad.sims.contact.mesh import shared_out
 from optopad.sims.contact.pressure import FEWEST_SPACINGS, contact_pressure
+from optopad.sims.contact.scope import contact_of
 
 PAD = preset("piacenza2017-pad")
 TWELFTH = 1.0 / 12.0
@@ -20,7 +21,7 @@ TWELFTH = 1.0 / 12.0
 
 @pytest.fixture(scope="module")
 def pad_press() -> SolvedPress:
-    return solved_press(PAD)
+    return solved_press(contact_of(PAD))
 
 
 @pytest.mark.parametrize("depth_mm", [0.75, 1.0, 1.37, 2.0, 3.0, 4.2, 5.0])
@@ -41,7 +42,7 @@ def test_the_pressure_ends_at_the_contact_edge(pad_press: SolvedPress) -> None:
 
 
 def test_pressure_is_proportional_to_the_modulus(pad_press: SolvedPress) -> None:
-    stiffer = solved_press(PAD.with_(**{"elastomer.youngs_modulus_mpa": 2.0}))
+    stiffer = solved_press(contact_of(PAD.with_(**{"elastomer.youngs_modulus_mpa": 2.0})))
     twice = contact_pressure(stiffer, 2.0).pressure_mpa
     assert twice == pytest.approx(2.0 * contact_pressure(pad_press, 2.0).pressure_mpa, rel=1e-12)
 
@@ -81,13 +82,14 @@ def test_point_forces_are_shared_by_the_lever_rule() -> None:
 @pytest.mark.full
 def test_nodal_forces_add_up_to_the_press_force_and_a_shallow_press_has_hertz_pressure() -> None:
     depths = [0.02 / 3, 0.05 / 3, 0.1 / 3, 0.15 / 3, 0.2 / 3, TWELFTH, 0.1, 0.4 / 3, 0.5 / 3]
-    unit = solve_unit_press(6.0, 0.1, depths, 0.49)
+    inputs = stored_press.PressInputs(layer=6.0, mesh_size=0.1, depths=tuple(depths), poisson_ratio=0.49)
+    unit = stored_press._solve(inputs, None)
     for index in range(2, len(depths)):
         height_share = np.sqrt(np.maximum(1.0 - unit.radii[index] ** 2, 0.0))  # cosine of the tip's normal
         carried = float(np.sum(unit.normal_force[index] * height_share))
         assert carried == pytest.approx(float(unit.force[index]), rel=0.01)  # measured: 0.14 %, facets
         assert np.all(unit.normal_force[index] >= 0.0)
-    press = SolvedPress(smooth=fit_press(unit), tip_radius_mm=1.0, youngs_modulus_mpa=1.0)
+    press = SolvedPress(smooth=fit_press(unit), tip_radius_mm=1.0, modulus=contact_of(PAD).draft.modulus)
     found, edge_mm = contact_pressure(press, depths[-1]), press.at(depths[-1]).contact_radius_mm
     ratio = found.radius_mm / edge_mm
     hertz = np.sqrt(np.maximum(1.0 - ratio**2, 0.0))

@@ -18,8 +18,8 @@ from optopad.sims.contact.library.profile_library import (
     Library,
     shipped_library,
 )
-from optopad.sims.contact.library.smooth_press import LONGEST, TopCurve, arc_shares, run_out, sample_arcs
-from optopad.sims.contact.scope import HALF_WIDTH, WALL_RADIUS, half_width_of, round_radius, wall_radius
+from optopad.sims.contact.library.smooth_press import LONGEST, TopCurve, _arc_shares, run_out, sample_arcs
+from optopad.sims.contact.scope import HALF_WIDTH, WALL_RADIUS, contact_of, half_width_of, round_radius
 
 
 @pytest.fixture(scope="module")
@@ -35,17 +35,19 @@ def volume(radius: np.ndarray, height: np.ndarray) -> float:
 def test_round_pads_have_the_area_of_the_cavity() -> None:
     for name in ("piacenza2017-pad", "piacenza2017-pair", "fingertip-16"):
         design = preset(name)
-        radius = wall_radius(design) * design.indenter.tip_radius_mm
+        radius = contact_of(design).wall_radius * design.indenter.tip_radius_mm
         assert np.pi * radius**2 == pytest.approx(design.cavity.length_mm * design.cavity.width_mm)
         assert half_width_of(radius) == pytest.approx(0.5 * design.cavity.length_mm)
-        assert solved_press(design).smooth.wall_radius == pytest.approx(wall_radius(design))
+        assert solved_press(contact_of(design)).smooth.wall_radius == pytest.approx(
+            contact_of(design).wall_radius
+        )
     # the largest that is solved stands for larger ones
-    assert wall_radius(preset("oblong-60x40")) == PAD_RADII[-1]
+    assert contact_of(preset("oblong-60x40")).wall_radius == PAD_RADII[-1]
 
 
 def test_samples_beside_the_contact_stay_where_the_wall_goes() -> None:
     near, far = sample_arcs(3.4, 3.8), sample_arcs(7.1, 7.5)
-    np.testing.assert_array_equal(sample_arcs(5.0, WALL_RADIUS), 5.0 * arc_shares())
+    np.testing.assert_array_equal(sample_arcs(5.0, WALL_RADIUS), 5.0 * _arc_shares())
     for arcs, length in ((near, 3.4), (far, 7.1)):
         assert (arcs[0], arcs[-1]) == pytest.approx((0.0, length))
         assert np.all(np.diff(arcs) > 0.0)
@@ -147,10 +149,10 @@ def test_what_light_sees_ends_flat_and_beyond_the_walls() -> None:
 
 def test_a_pad_too_small_for_its_tip_is_told() -> None:
     small = too_small()
-    (note,) = solved_press(small).notes
+    (note,) = solved_press(contact_of(small)).notes
     assert "12 x 12 mm" in note
     assert "smaller tip" in note
-    assert solved_press(preset("piacenza2017-pair")).notes == ()
+    assert solved_press(contact_of(preset("piacenza2017-pair"))).notes == ()
 
 
 def too_small() -> SensorDesign:

@@ -6,7 +6,7 @@ import pytest
 from optopad.design.errors import InputError
 from optopad.design.preset import preset
 from optopad.design.recordings import SetEntry
-from optopad.sims.learning.inference.prediction import Prediction
+from optopad.sims.learning.inference.touch_model import Prediction
 from optopad.sims.learning.tables import (
     JudgedPresses,
     error_json,

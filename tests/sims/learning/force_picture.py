@@ -12,6 +12,7 @@ import numpy as np
 
 from optopad.sims.contact.indentation import solved_press
 from optopad.sims.contact.load_protocol import StandardLinearSolid, viscoelastic_load_n
+from optopad.sims.contact.scope import contact_of
 from optopad.sims.learning.force_fit import fit_force
 from optopad.sims.learning.press_force import TipPath
 from optopad.sims.plots.style import plain_style
@@ -28,7 +29,7 @@ def main() -> None:
     assert found.time_constant_s is not None
     part = time_s < SHOWN_S
     at = press_mm[0, :2]
-    solved = solved_press(PAD, 4.6, at_mm=(float(at[0]), float(at[1])))
+    solved = solved_press(contact_of(PAD), 4.6, at_mm=(float(at[0]), float(at[1])))
     depth = np.maximum(press_mm[part, 2] + found.offset_mm, 0.0)
     slow = found.modulus_mpa / found.design_mpa * np.array([solved.force_n(float(one)) for one in depth])
     fitted = StandardLinearSolid(relaxed_share=found.relaxed_share, time_constant_s=found.time_constant_s)

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from optopad.sims.learning.inference.feature_scaling import FeatureScaling
 from optopad.sims.learning.inference.header import ForceCurve, ModelHeader
 from optopad.sims.learning.inference.kernel_ridge import KernelRidgeModel
-from optopad.sims.learning.inference.touch_svm import TouchSvm
+from optopad.sims.learning.inference.touch_model import FeatureScaling, TouchSvm
 
 EMITTERS, RECEIVERS = ("E1", "E2"), ("R1", "R2", "R3")
 PAIRS = len(EMITTERS) * len(RECEIVERS)

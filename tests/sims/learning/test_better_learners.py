@@ -9,12 +9,10 @@ import pytest
 from sklearn.ensemble import ExtraTreesRegressor
 
 from optopad.design.errors import InputError
-from optopad.sims.learning.fits.extra_trees import flat_forest
-from optopad.sims.learning.fits.touch import sigma_table
 from optopad.sims.learning.inference.model_file import load_model, save_model
-from optopad.sims.learning.inference.sigma_table import SigmaTable
-from optopad.sims.learning.learners import LEARNERS
-from optopad.sims.learning.settings import QUICK
+from optopad.sims.learning.inference.touch_model import SigmaTable
+from optopad.sims.learning.learners import LEARNERS, QUICK, flat_forest
+from optopad.sims.learning.touch_fit import sigma_table
 from tests.sims.learning.pressed_pad import grid_mm, made_up_data, random_places_mm, require_places_found
 
 SMALL = replace(QUICK, fit_samples=500, tree_samples=2_000, trees=15)

@@ -9,6 +9,7 @@ from optopad.design.errors import InputError
 from optopad.design.preset import preset
 from optopad.sims.contact.indentation import solved_press
 from optopad.sims.contact.load_protocol import StandardLinearSolid, viscoelastic_load_n
+from optopad.sims.contact.scope import contact_of
 from optopad.sims.learning.force_checks import band_mpa, modulus_notes, tare_notes
 from optopad.sims.learning.force_fit import ForceFit, fit_force
 from optopad.sims.learning.press_force import TipPath, press_windows, spans
@@ -42,7 +43,7 @@ def pressed(
         own = np.arange(0.0, knots[-1], 0.04)
         depth = np.interp(own, knots, [-1.0, -1.0, deepest, deepest, -1.0])
         true = np.maximum(depth + offset_mm + depth_error_mm * rng.standard_normal(), 0.0)
-        solved = solved_press(PAD, 4.6, at_mm=(float(x), float(y)))
+        solved = solved_press(contact_of(PAD), 4.6, at_mm=(float(x), float(y)))
         elastic = factor * (1.0 + trend * k / count) * np.array([solved.force_n(float(one)) for one in true])
         time_s.append(now + own)
         press_mm.append(np.stack([np.full(len(own), x), np.full(len(own), y), depth], axis=1))

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from optopad.design.draft import Draft
 from optopad.design.preset import preset
 from optopad.design.press_protocol import protocol_from
 from optopad.design.shape.cavity import cavity_of
@@ -61,7 +62,7 @@ def test_heights_of_a_hidden_build_come_back_and_its_light_with_them():
     place = np.random.default_rng(2).uniform(7.0, 25.0, size=(6, 2))
     presses = np.column_stack([place, np.linspace(0.5, 4.0, 6)])
     truth, twin, drawn = (
-        trace(one, presses, accuracy="draft", seed=3).flux for one in (hidden, found.design, design)
+        trace(Draft.of(one), presses, accuracy="draft", seed=3).flux for one in (hidden, found.design, design)
     )
     off = [np.sqrt(((one / one.mean() - truth / truth.mean()) ** 2).mean()) for one in (twin, drawn)]
     assert off[0] < 0.2 * off[1]

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from optopad.sims.learning.fits.kernel_ridge import (
+from optopad.sims.learning.inference.model_file import load_model, save_model
+from optopad.sims.learning.learners import (
     GAMMA_TIMES_MEDIAN,
+    QUICK,
     RIDGES,
     fit_kernel_ridge,
     median_distance,
 )
-from optopad.sims.learning.inference.model_file import load_model, save_model
-from optopad.sims.learning.settings import QUICK
 from tests.sims.learning.pressed_pad import grid_mm, made_up_data, random_places_mm, require_places_found
 
 SMALL = replace(QUICK, search_samples=400, fit_samples=1_200)

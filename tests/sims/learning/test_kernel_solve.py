@@ -7,7 +7,7 @@ import pytest
 from sklearn.kernel_ridge import KernelRidge
 
 from optopad.design.errors import InputError
-from optopad.sims.learning.fits.kernel_ridge import BLOCK_ROWS, kernel_matrix, solved
+from optopad.sims.learning.learners import BLOCK_ROWS, kernel_matrix, solved
 
 GAMMA, RIDGE = 0.02, 0.1
 

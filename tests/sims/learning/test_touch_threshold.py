@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from optopad.design.recordings import SetEntry
-from optopad.sims.learning.fits.touch import FALSE_ALARMS, fit_plain_touch, fit_tuned_touch, untouched_limit
 from optopad.sims.learning.samples import prepared
+from optopad.sims.learning.touch_fit import FALSE_ALARMS, fit_plain_touch, fit_tuned_touch, untouched_limit
 from optopad.sims.readings.press_data import PressData
 
 UNTOUCHED = np.array([[300.0, 150.0, 600.0], [80.0, 400.0, 250.0]])

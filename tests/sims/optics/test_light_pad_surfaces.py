@@ -7,6 +7,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import pytest
 
+from optopad.design.draft import Draft
 from optopad.design.errors import ModelScopeError
 from optopad.design.preset import FLAT_PRESETS, preset
 from optopad.design.shape.cavity import cavity_of
@@ -27,7 +28,7 @@ def test_symmetric_places_have_the_same_light_to_the_bit_and_are_traced_once() -
     tops = pressed_tops(PAD, ROUND)
     assert len(tops.near) == len(tops.fields) == 1
     assert tops.fields[0] is not None
-    light = trace(PAD, ROUND, accuracy="draft")
+    light = trace(Draft.of(PAD), ROUND, accuracy="draft")
     symmetries = symmetries_of(scene_of(PAD))
     for row, press in enumerate(ROUND):
         (motion,) = [one for one in symmetries if np.allclose(one.image(ROUND[0, :2]), press[:2])]
@@ -102,9 +103,9 @@ def test_nodes_half_as_far_apart_change_no_pairs_light_beyond_its_error(name, mo
 
 def test_light_off_the_middle_is_not_that_of_the_centred_shape() -> None:
     press = np.array([[6.0, 16.0, 3.0]])
-    own = trace(PAD, press, accuracy="draft").flux[0]
-    centred = trace(PAD, press, accuracy="draft", profile=pad_surface(PAD, 3.0).near).flux[0]
-    untouched = trace(PAD, np.array([[6.0, 16.0, 0.0]]), accuracy="draft").flux[0]
+    own = trace(Draft.of(PAD), press, accuracy="draft").flux[0]
+    centred = trace(Draft.of(PAD), press, accuracy="draft", profile=pad_surface(PAD, 3.0).near).flux[0]
+    untouched = trace(Draft.of(PAD), np.array([[6.0, 16.0, 0.0]]), accuracy="draft").flux[0]
     lit = untouched > 0.2 * np.median(untouched)
     assert np.sqrt(np.mean(((own - centred) / untouched)[lit] ** 2)) > 0.02
 
@@ -124,4 +125,4 @@ def test_two_tips_add_their_curves_and_fields() -> None:
 
 def test_a_place_that_the_contact_model_does_not_cover_is_out_of_scope() -> None:
     with pytest.raises(ModelScopeError, match="west wall is 1"):
-        trace(PAD, np.array([[4.0, 16.0, 1.0]]))
+        trace(Draft.of(PAD), np.array([[4.0, 16.0, 1.0]]))

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from optopad.design.draft import Draft
 from optopad.design.errors import InputError, ModelScopeError
 from optopad.design.preset import preset
 from optopad.sims.optics.engine.trace_states import Accuracy, accuracy_of, trace_scene
@@ -111,4 +112,4 @@ def test_a_relative_error_that_makes_no_sense_is_refused(wanted):
 
 def test_a_profile_per_state_must_match_the_states():
     with pytest.raises(InputError, match="1 indentations for 2 states"):
-        trace(preset("piacenza2017-pair"), np.zeros((2, 3)), profile=[None])
+        trace(Draft.of(preset("piacenza2017-pair")), np.zeros((2, 3)), profile=[None])

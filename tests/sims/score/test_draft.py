@@ -7,12 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from optopad.design.draft import Draft
 from optopad.design.errors import DesignError, ModelScopeError, OptopadError
 from optopad.design.preset import FLAT_PRESETS, preset
 from optopad.design.shape.cavity import beside_chord, cavity_of, judged_pairs, pair_name
 from optopad.design.spec import SensorDesign
 from optopad.sims.bounds.observability import pad_bounds
 from optopad.sims.contact.indentation import round_press, solved_press
+from optopad.sims.contact.scope import contact_of
 from optopad.sims.score import judge as map_judging
 from optopad.sims.score.judge import SETTINGS
 from optopad.sims.score.objective import curves_under, draft_score, pairs_under, with_draft_bounds
@@ -142,7 +144,7 @@ def test_draft_bounds_are_near_the_score_s_and_call_no_place_blind_that_is_not(c
     design = preset(PAD).with_(**{CLEAR: clear_mm})
     found = draft_score(design)
     bounded = with_draft_bounds(design, found).bounds
-    true = pad_bounds(design, places=3, depths_mm=(1.5,), readout=found.readout, with_losses=False)
+    true = pad_bounds(Draft.of(design), places=3, depths_mm=(1.5,), readout=found.readout, with_losses=False)
     assert bounded is not None
     assert np.array_equal(bounded.is_blind, true.is_blind)
     assert bounded.median_location_mm.value == pytest.approx(true.median_location_mm.value, rel=0.05)
@@ -246,10 +248,10 @@ def test_what_the_models_do_not_cover_is_out_of_their_scope(
 )
 def test_the_round_press_is_the_whole_one_without_its_own_walls(name: str) -> None:
     design: SensorDesign = preset(name)
-    whole, bare = solved_press(design), round_press(design)
+    whole, bare = solved_press(contact_of(design)), round_press(contact_of(design))
     assert bare.placed is None
     assert bare.smooth is whole.smooth
-    assert (bare.tip_radius_mm, bare.youngs_modulus_mpa) == (whole.tip_radius_mm, whole.youngs_modulus_mpa)
+    assert (bare.tip_radius_mm, bare.modulus) == (whole.tip_radius_mm, whole.modulus)
     without = replace(whole, placed=None)
     for depth_mm in (0.5, 1.7, design.operating.max_depth_mm):
         here, there = bare.at(depth_mm), without.at(depth_mm)
@@ -263,6 +265,6 @@ def test_the_round_press_refuses_the_depths_that_the_whole_one_refuses(depth_mm:
     messages = []
     for press in (round_press, solved_press):
         with pytest.raises(OptopadError) as caught:
-            press(preset(PAD), depth_mm)
+            press(contact_of(preset(PAD)), depth_mm)
         messages.append((type(caught.value), str(caught.value)))
     assert messages[0] == messages[1]

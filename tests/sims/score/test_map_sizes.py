@@ -3,6 +3,7 @@
 import pytest
 
 import optopad.sims.score.judge as stages
+from optopad.design.draft import Draft
 from optopad.design.preset import preset
 from optopad.sims.optics.accuracy import ACCURACIES
 from optopad.sims.score.judge import Judge
@@ -37,7 +38,7 @@ def asked(monkeypatch):
 )
 def test_a_full_map_has_121_places_and_51_depths_at_least(asked, settings, places, fewest_depths, accuracy):
     with pytest.raises(AskedError):
-        _ = Judge(PAD, settings).pad_map
+        _ = Judge(Draft.of(PAD), settings).pad_map
     assert asked["places"] == places
     assert asked["depths"] >= fewest_depths
     assert asked["accuracy"] == accuracy

@@ -58,9 +58,9 @@ def test_the_other_pairs_are_not_traced_once_the_middle_one_has_a_deadband(monke
     asked = []
     whole = stages.pair_curves
 
-    def watched(design, cavity, pairs, *given, **named):
+    def watched(draft, pairs, *given, **named):
         asked.append(len(pairs))
-        return whole(design, cavity, pairs, *given, **named)
+        return whole(draft, pairs, *given, **named)
 
     monkeypatch.setattr(stages, "pair_curves", watched)
     thick = PAIR.with_(**{"cavity.clear_thickness_mm": 10.0})

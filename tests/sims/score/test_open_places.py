@@ -11,9 +11,10 @@ import pytest
 
 import optopad.sims.score.judge as judging
 import optopad.sims.score.judge as stages
+from optopad.design.draft import Draft
 from optopad.design.preset import preset
 from optopad.design.shape.cavity import cavity_of, direct_path_pairs
-from optopad.sims.optics.light_signals import LightSignals
+from optopad.sims.optics.accuracy import LightSignals
 from optopad.sims.readings.readout import readout_of
 from optopad.sims.score.judge import Judge
 from optopad.sims.score.result import margin_caution
@@ -32,7 +33,7 @@ PAD = preset("piacenza2017-pad")
 CAVITY = cavity_of(PAD)
 MASK = direct_path_pairs(CAVITY)
 UNTOUCHED = 2.4e-3 * MASK
-READOUT = readout_of(PAD, UNTOUCHED, MASK)
+READOUT = readout_of(Draft.of(PAD), UNTOUCHED, MASK)
 FAST, SLOW = 0.19, 0.012
 """Share of its untouched light that every pair loses a millimetre: 110 noise units of 48 pairs over 0.3 mm, and 7."""
 FROM_MM, TO_MM = 2.0, 3.0
@@ -74,7 +75,7 @@ def judged(monkeypatch: pytest.MonkeyPatch, slow: int, *errors: float) -> tuple[
     by_setting = dict(zip((MAP_ACCURACY, *DOUBT_ACCURACIES), errors, strict=True))
     for room, name in ((stages, "map_light"), (judging, "pad_light")):
         monkeypatch.setattr(room, name, traced(slow, by_setting, calls))
-    judge = Judge(PAD, seed=7)
+    judge = Judge(Draft.of(PAD), seed=7)
     judge.readout = READOUT
     return judge.pad_map, judge.pad_signals, calls
 

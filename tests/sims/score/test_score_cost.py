@@ -9,6 +9,7 @@ import pytest
 from optopad.design.preset import preset
 from optopad.sims.bounds.observability import MANY_PAIRS_BOUNDS
 from optopad.sims.contact.indentation import force_in_advance, solved_press, wall_findings
+from optopad.sims.contact.scope import contact_of
 from optopad.sims.score.cost import score_cost
 from optopad.sims.score.judge import MANY_PAIRS, SETTINGS
 from optopad.sims.score.scoring import score
@@ -33,14 +34,16 @@ def test_walls_that_change_a_punch_too_much_are_known_in_advance() -> None:
     assert re.search(
         r"1\.6 mm deep at 4\.1, 4\.1 mm.*raise operating\.workspace_margin_mm to \d", found.reason
     )
-    assert [*wall_findings(near.with_(**{"operating.workspace_margin_mm": 3.2}))] == []
+    assert [*wall_findings(contact_of(near.with_(**{"operating.workspace_margin_mm": 3.2})))] == []
 
 
 def test_the_force_in_advance_is_the_librarys_within_a_quarter() -> None:
     pad = preset("piacenza2017-pad")
-    press = solved_press(pad)
+    press = solved_press(contact_of(pad))
     for depth in (0.1, 0.6, 1.0, 1.6):
-        assert force_in_advance(pad, depth) == pytest.approx(press.smooth.force_at(depth), rel=0.25)
+        assert force_in_advance(contact_of(pad), depth) == pytest.approx(
+            press.smooth.force_at(depth), rel=0.25
+        )
 
 
 def test_hundreds_of_pairs_are_judged_in_the_map_s_steps_and_by_lighter_bounds() -> None:

@@ -36,7 +36,8 @@ def tried(monkeypatch, found, *, enough=(0.6, 1.2), whole=lambda _build: GOOD):
     """The trial where a rise of so many mm is enough [mm]."""
     judged = []
 
-    def judge(build):
+    def judge(draft):
+        build = draft.design
         judged.append(build)
         is_enough = enough[0] - 1e-9 <= rise_mm(build) <= enough[1] + 1e-9
         return Brief(

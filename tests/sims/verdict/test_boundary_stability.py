@@ -2,6 +2,7 @@
 
 import pytest
 
+from optopad.design.draft import Draft
 from optopad.design.preset import preset
 from optopad.design.shape.cavity import cavity_of, judged_pairs, mask_of
 from optopad.sims.press import depth_schedule_mm
@@ -16,9 +17,11 @@ DEADBAND_MM = 0.15
 def scores_of(design, *, seed, step_mm, pairs=None):
     cavity = cavity_of(design)
     pairs = pairs or judged_pairs(cavity)
-    readout = readout_of(design, untouched_flux(design, cavity, seed=seed), mask_of(pairs, cavity))
+    readout = readout_of(
+        Draft.of(design), untouched_flux(Draft.of(design), seed=seed), mask_of(pairs, cavity)
+    )
     depth_mm = depth_schedule_mm(design.operating.max_depth_mm, step_mm)
-    return [score_curves(design, c, readout) for c in pair_curves(design, cavity, pairs, depth_mm, seed=seed)]
+    return [score_curves(c, readout) for c in pair_curves(Draft.of(design), pairs, depth_mm, seed=seed)]
 
 
 @pytest.mark.slow

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
+from optopad.design.draft import Draft
 from optopad.design.errors import InputError, ModelScopeError
 from optopad.design.preset import preset
 from optopad.design.spec.tolerances import build_tolerances
@@ -18,9 +19,9 @@ TOLERANCES = build_tolerances(PAIR)
 HEIGHT = "receivers.height_mm"
 
 
-def by_height(design):
+def by_height(draft):
     """A deadband above 6.0 mm of receiver height; else a margin that grows downward."""
-    over = design.receivers.height_mm - 6.15
+    over = draft.design.receivers.height_mm - 6.15
     return Brief(gap_mm=0.0, deadband_mm=max(over, 0.0), margin=2.0 if over > 0 else 4.0 - 10 * over)
 
 
@@ -67,10 +68,11 @@ def test_same_seed_same_builds_other_seed_others():
 
 
 def test_builds_outside_the_models_are_counted_and_not_judged():
-    def judge(design):
+    def judge(draft):
+        design = draft.design
         if design.receivers.height_mm > 6.15:
             raise ModelScopeError("receivers.height_mm: too high")
-        return by_height(design)
+        return by_height(draft)
 
     found = study(judge=judge)
     assert found.unjudged == {"receivers.height_mm": 256 - found.builds}
@@ -79,10 +81,11 @@ def test_builds_outside_the_models_are_counted_and_not_judged():
 
 
 def test_no_build_that_can_be_judged_is_refused():
-    def judge(design):
+    def judge(draft):
+        design = draft.design
         if design.digest != PAIR.digest:
             raise ModelScopeError("cavity: out of scope")
-        return by_height(design)
+        return by_height(draft)
 
     with pytest.raises(InputError, match="manufactured unit could"):
         study(judge=judge)
@@ -105,9 +108,10 @@ def test_a_build_that_was_judged_is_not_judged_again():
     class Memo:
         get, put = staticmethod(kept.get), staticmethod(kept.__setitem__)
 
-    def judge(design):
+    def judge(draft):
+        design = draft.design
         asked.append(design.digest)
-        return by_height(design)
+        return by_height(draft)
 
     first = study(builds=20, judge=remembered(judge, Memo(), "x"))
     again = study(builds=20, judge=remembered(judge, Memo(), "x"))
@@ -116,7 +120,7 @@ def test_a_build_that_was_judged_is_not_judged_again():
 
 
 def test_a_study_in_which_all_builds_agree_has_no_correlations():
-    found = study(builds=16, judge=lambda design: Brief(gap_mm=None, deadband_mm=0.0, margin=5.0))
+    found = study(builds=16, judge=lambda _: Brief(gap_mm=None, deadband_mm=0.0, margin=5.0))
     assert found.kept_share == 1.0
     assert found.kept_interval[0] == pytest.approx(0.025 ** (1 / 16))  # Clopper and Pearson's end for n of n
     assert found.rank_correlations()[0] == (0.0, -1.0, 1.0)
@@ -125,7 +129,7 @@ def test_a_study_in_which_all_builds_agree_has_no_correlations():
 @pytest.mark.slow
 def test_a_build_of_facing_rows_is_judged_as_the_design_is():
     thin, thick = (
-        facing_brief(PAIR.with_(**{"cavity.clear_thickness_mm": thickness}), seed=0)
+        facing_brief(Draft.of(PAIR.with_(**{"cavity.clear_thickness_mm": thickness})), seed=0)
         for thickness in (8.0, 10.0)
     )
     assert thin.deadband_mm == 0.0

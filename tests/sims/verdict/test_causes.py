@@ -9,7 +9,7 @@ import pytest
 
 from optopad.design.preset import preset
 from optopad.design.shape.cavity import cavity_of, chord_midpoint_mm, direct_path_pairs, facing_pairs
-from optopad.sims.optics.light_signals import LightSignals
+from optopad.sims.optics.accuracy import LightSignals
 from optopad.sims.optics.scene.lower import scene_of
 from optopad.sims.readings.readout import Readout
 from optopad.sims.score.scoring import score
@@ -28,7 +28,12 @@ def caused(counts: float = 300.0, **light: float):
     one = made_up_pair(
         counts=counts, pair=MIDDLE, press_mm=chord_midpoint_mm(cavity_of(PAIR), MIDDLE), **light
     )
-    readout = Readout(counts_per_flux=counts / float(one.curves.total[0]), full_scale_counts=FULL_SCALE)
+    readout = Readout(
+        counts_per_flux=counts / float(one.curves.total[0]),
+        full_scale_counts=FULL_SCALE,
+        read_noise_counts=0.5,
+        relative_noise=0.003,
+    )
     return causes_of_pairs(PAIR, [(one.curves, one.score)], readout, one.name), one
 
 
@@ -71,7 +76,12 @@ def test_a_rise_that_makes_up_for_a_fall():
     direct = 0.6 * flat * (1.0 + 0.05 * one.curves.depth_mm)
     curves = replace(one.curves, direct=direct, top=flat - direct, diffuse=0.0 * flat, total=flat)
     judged = replace(one.score, deadbands_mm=((1.0, 3.0),), saturation_mm=None)
-    readout = Readout(counts_per_flux=300.0 / UNTOUCHED_FLUX, full_scale_counts=FULL_SCALE)
+    readout = Readout(
+        counts_per_flux=300.0 / UNTOUCHED_FLUX,
+        full_scale_counts=FULL_SCALE,
+        read_noise_counts=0.5,
+        relative_noise=0.003,
+    )
     (cause,) = causes_of_pairs(PAIR, [(curves, judged)], readout, one.name)
     assert cause.lack == "cancel"
     assert cause.witnesses[0].change == pytest.approx(0.0)
@@ -103,7 +113,12 @@ def pad_causes(keep_pairs: bool):
     )
     blind = made_up_depths(((1.5, 2.5),), usable_mm=4.0)
     place = Place(x_mm=16.0, y_mm=16.0, depths=blind, answering_pairs=9)
-    readout = Readout(counts_per_flux=300.0 / UNTOUCHED_FLUX, full_scale_counts=FULL_SCALE)
+    readout = Readout(
+        counts_per_flux=300.0 / UNTOUCHED_FLUX,
+        full_scale_counts=FULL_SCALE,
+        read_noise_counts=0.5,
+        relative_noise=0.003,
+    )
     return causes_of_pad(PAD, PadMap(x_mm=(16.0,), y_mm=(16.0,), places=(place,)), light, readout)
 
 

@@ -14,7 +14,7 @@ from optopad.sims.verdict.presses import PairCurves
 
 DESIGN = preset("piacenza2017-pair")
 DEPTH_MM = depth_schedule_mm(5.0)
-READOUT = Readout(counts_per_flux=5e4, full_scale_counts=1023.0)
+READOUT = Readout(counts_per_flux=5e4, full_scale_counts=1023.0, read_noise_counts=0.5, relative_noise=0.003)
 STEPS = FIGURES.index("resolvable_steps")
 
 
@@ -34,8 +34,8 @@ def curves_with(error: float, pair=(0, 0)) -> PairCurves:
 
 
 def drawn(*curves: PairCurves):
-    scores = [score_curves(DESIGN, one, READOUT) for one in curves]
-    return drawn_figures(DESIGN, curves, scores, READOUT), np.stack([figures_of(score) for score in scores])
+    scores = [score_curves(one, READOUT) for one in curves]
+    return drawn_figures(curves, scores, READOUT), np.stack([figures_of(score) for score in scores])
 
 
 def test_light_without_error_leaves_figures_without_error():

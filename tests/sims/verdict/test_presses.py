@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from optopad.design.draft import Draft
 from optopad.design.preset import preset
 from optopad.design.shape.cavity import cavity_of, chord_midpoint_mm, judged_pairs, mask_of
 from optopad.sims.optics.tracing import trace
@@ -29,11 +30,11 @@ def test_states_run_through_depths_first():
 def test_a_pair_s_curves_are_its_light_under_a_press_at_its_chord_s_midpoint():
     pairs = judged_pairs(CAVITY)[:3]
     for pair, curves in zip(
-        pairs, pair_curves(PAD, CAVITY, pairs, DEPTH_MM, accuracy="draft", seed=1), strict=True
+        pairs, pair_curves(Draft.of(PAD), pairs, DEPTH_MM, accuracy="draft", seed=1), strict=True
     ):
         assert curves.press_mm == chord_midpoint_mm(CAVITY, pair)
         states = states_of(np.array([curves.press_mm]), DEPTH_MM)
-        alone = trace(PAD, states, accuracy="draft", seed=1, pairs=mask_of((pair,), CAVITY))
+        alone = trace(Draft.of(PAD), states, accuracy="draft", seed=1, pairs=mask_of((pair,), CAVITY))
         assert curves.total == pytest.approx(alone.flux[:, *pair], rel=1e-9)
         assert curves.direct + curves.top + curves.diffuse == pytest.approx(curves.total, rel=1e-12)
 
@@ -41,7 +42,7 @@ def test_a_pair_s_curves_are_its_light_under_a_press_at_its_chord_s_midpoint():
 def test_a_map_s_light_has_one_entry_a_state_throughout():
     """The two places go onto each other in a half turn: one is traced, both come back."""
     places = np.array([[12.0, 9.0], [CAVITY.length_mm - 12.0, CAVITY.width_mm - 9.0]])
-    light = pad_light(PAD, places, DEPTH_MM, accuracy=MAP_ACCURACY, seed=0)
+    light = pad_light(Draft.of(PAD), places, DEPTH_MM, accuracy=MAP_ACCURACY, seed=0)
     assert light.presses.tolist() == states_of(places, DEPTH_MM).tolist()
     for of_state in (light.flux, light.standard_error, light.relative_error, light.is_met):
         assert of_state is not None
@@ -52,9 +53,9 @@ def test_a_map_s_light_has_one_entry_a_state_throughout():
 @pytest.mark.slow
 def test_a_map_is_finer_near_contact_and_keeps_the_order_of_its_states():
     places, depth_mm = np.array([[12.0, 9.0], [20.0, 11.0]]), np.array([0.0, 0.1, 0.5, 2.0])
-    light = map_light(PAD, places, depth_mm, accuracy=MAP_ACCURACY, seed=0)
-    near = pad_light(PAD, places, depth_mm[:2], accuracy=NEAR_ACCURACY, seed=0)
-    deep = pad_light(PAD, places, depth_mm[2:], accuracy=MAP_ACCURACY, seed=0)
+    light = map_light(Draft.of(PAD), places, depth_mm, accuracy=MAP_ACCURACY, seed=0)
+    near = pad_light(Draft.of(PAD), places, depth_mm[:2], accuracy=NEAR_ACCURACY, seed=0)
+    deep = pad_light(Draft.of(PAD), places, depth_mm[2:], accuracy=MAP_ACCURACY, seed=0)
     assert light.presses.tolist() == states_of(places, depth_mm).tolist()
     for name in ("flux", "standard_error"):
         found = getattr(light, name).reshape(2, 4, 8, 8)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from optopad.sims.optics.light_signals import LightSignals
+from optopad.sims.optics.accuracy import LightSignals
 from optopad.sims.verdict.causes import rise_of
 
 PAIRS = {"E1-R1": (0, 0), "E1-R2": (0, 1)}

@@ -20,8 +20,8 @@ from pathlib import Path
 
 from optopad.design.preset import preset
 from optopad.design.spec import SensorDesign
-from optopad.sims.contact.indentation import modulus_mpa, solved_press
-from optopad.sims.contact.scope import half_width_of
+from optopad.sims.contact.indentation import solved_press
+from optopad.sims.contact.scope import contact_of, half_width_of
 from tests.validation.contact.contact_comparison import PressError, oracle_error, press_error
 from tests.validation.contact.contact_reference import BUILD, STORED, WALL, build, depths_of, reference_state
 from tests.validation.elements.layer_mesh import Grading
@@ -96,13 +96,17 @@ def rows(path: Path = STORED) -> Iterator[Row]:
     """Every press of the table."""
     for elastic_depth_mm in ELASTIC_DEPTHS_MM:
         depths_mm = [TIP_RADIUS_MM * depth for depth in depths_of(elastic_depth_mm / TIP_RADIUS_MM)]
-        design = pad(elastic_depth_mm, max(depths_mm))
+        contact = contact_of(pad(elastic_depth_mm, max(depths_mm)))
         for depth_mm in depths_mm:
             state = reference_state(elastic_depth_mm / TIP_RADIUS_MM, depth_mm / TIP_RADIUS_MM, path)
             yield Row(
                 elastic_depth_mm=elastic_depth_mm,
                 depth_mm=depth_mm,
-                model=press_error(solved_press(design).round_pad_at(depth_mm), state, modulus_mpa(design)),
+                model=press_error(
+                    solved_press(contact).round_pad_at(depth_mm),
+                    state,
+                    contact.draft.modulus.value,
+                ),
                 oracle=oracle_error(state, TIP_RADIUS_MM),
             )
 

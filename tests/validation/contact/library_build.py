@@ -39,9 +39,8 @@ from optopad.sims.contact.library.profile_library import (
     deepest_press,
     shipped_library,
 )
-from optopad.sims.contact.library.profiles import UnitPress
 from optopad.sims.contact.library.smooth_press import POISSON_RATIOS, SmoothPress, nearly_incompressible
-from optopad.sims.contact.library.stored_press import RECIPE, PressInputs, stored_press
+from optopad.sims.contact.library.stored_press import RECIPE, PressInputs, UnitPress, stored_press
 from optopad.sims.contact.scope import DEPTH_STEP, FIRST_DEPTHS, WALL_RADIUS
 from tests.validation.contact.contact_reference import BUILD
 

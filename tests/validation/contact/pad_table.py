@@ -23,8 +23,9 @@ import numpy as np
 from numba import njit
 
 from optopad.design.arrays import BoolArray, FloatArray
+from optopad.design.draft import Draft
 from optopad.design.shape.cavity import cavity_of, direct_path_pairs
-from optopad.sims.contact.indentation import modulus_mpa
+from optopad.sims.contact.scope import contact_of
 from optopad.sims.optics.accuracy import ACCURACIES, Accuracy
 from optopad.sims.optics.scene.lower import scene_of
 from optopad.sims.optics.scene.optical_scene import SmoothField, smooth_field
@@ -150,7 +151,7 @@ def press_error(place: Place, model: ModelTop, oracle: PadPress, half: PadPress)
     """A modelled press against the oracle's, and the oracle against its coarser mesh."""
     outside = is_outside_contact(place, model.near)
     off_um = 1e3 * (engine_height_mm(place, model.near, model.field) - oracle.height_mm)
-    unit_n = modulus_mpa(place.design) * TIP_RADIUS_MM**2
+    unit_n = contact_of(place.design).draft.modulus.value * TIP_RADIUS_MM**2
     return PressError(
         force_ratio=model.near.force_n / (oracle.force * unit_n),
         surface_um=size_of(off_um[outside]),
@@ -170,7 +171,7 @@ def light_errors(
     design, pairs = place.design, direct_path_pairs(cavity_of(place.design))
     near = [model.near for model in models]
     rows = np.array([[*place.at_mm, press.depth_mm] for press in near])
-    untouched = trace(design, np.array([[*place.at_mm, 0.0]]), accuracy=accuracy).flux[0][pairs]
+    untouched = trace(Draft.of(design), np.array([[*place.at_mm, 0.0]]), accuracy=accuracy).flux[0][pairs]
     fields = [
         [model.field for model in models],
         *(
@@ -179,7 +180,8 @@ def light_errors(
         ),
     ]
     own, whole, half = (
-        trace(design, rows, profile=near, accuracy=accuracy, fields=of_states) for of_states in fields
+        trace(Draft.of(design), rows, profile=near, accuracy=accuracy, fields=of_states)
+        for of_states in fields
     )
     error = (own.flux - whole.flux)[:, pairs] / untouched
     mesh = (half.flux - whole.flux)[:, pairs] / untouched

@@ -19,7 +19,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from optopad.design.arrays import IntArray
-from optopad.design.circuit.link import MS_PER_S, US_PER_S
+from optopad.design.circuit.circuit import MS_PER_S, US_PER_S
 from optopad.design.io import write_text_atomically
 from optopad.design.pad import Pad
 from optopad.design.preset import FLAT_PRESETS, SHAPED_PRESETS, preset

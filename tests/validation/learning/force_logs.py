@@ -36,6 +36,7 @@ from optopad.design.spec.properties import youngs_modulus_mpa
 from optopad.fabrication.driver.recording.force_log import read_force_log
 from optopad.fabrication.driver.recording.joined_log import Offset
 from optopad.sims.contact.indentation import solved_press
+from optopad.sims.contact.scope import contact_of
 from optopad.sims.learning.force_fit import ForceFit, fit_force
 from optopad.verbs.calibrate import _pressed_force
 from tests.validation.contact.contact_table import markdown_table, with_table
@@ -114,7 +115,7 @@ def drawn(seed: int) -> Drawn:
 def true_force(log: Drawn, depth_mm: FloatArray, place: tuple[float, float]) -> FloatArray:
     """Force on the tip over one press, in steps of `STEP_S` [N]."""
     depths = np.linspace(0.0, 4.6, 400)
-    solved = solved_press(PAD, 4.6, at_mm=place)
+    solved = solved_press(contact_of(PAD), 4.6, at_mm=place)
     curve = PchipInterpolator(depths, [solved.force_n(float(depth)) for depth in depths])
     inside = np.maximum(depth_mm, 0.0)
     elastic = log.modulus * curve(inside)

@@ -33,8 +33,8 @@ from optopad.design.spec import SensorDesign
 from optopad.sims.learning.calibration import Calibration, calibrated
 from optopad.sims.learning.calibration_problem import Unknown, unknowns_of, with_values
 from optopad.sims.learning.chain_bounds import chain_bounds
-from optopad.sims.learning.fits.kernel_ridge import fit_kernel_ridge
 from optopad.sims.learning.inference.touch_model import TouchModel
+from optopad.sims.learning.learners import fit_kernel_ridge
 from optopad.sims.learning.map_learner import chain_noise, fit_signal_map, map_header, mapped
 from optopad.sims.learning.traced_map import SignalMap
 from optopad.sims.readings.press_data import PressCurves, PressData, traced_curves

@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from optopad.design.io import write_text_atomically
-from optopad.sims.learning.fits.kernel_ridge import kernel_matrix, median_distance, solved
+from optopad.sims.learning.learners import kernel_matrix, median_distance, solved
 from optopad.sims.learning.samples import prepared, spread_samples
 from tests.sims.learning.pressed_pad import grid_mm, made_up_data
 

@@ -29,9 +29,8 @@ from optopad.design.spec import SensorDesign
 from optopad.fabrication.bundle import program_digest
 from optopad.screen.prediction import ModelAccuracy, accuracy_of, bound_text
 from optopad.sims.learning.inference.signal_map import KIND as SIGNAL_MAP
-from optopad.sims.learning.learners import LEARNERS, Learner
+from optopad.sims.learning.learners import DEFAULT, LEARNERS, FitSettings, Learner
 from optopad.sims.learning.map_learner import signal_map_learner
-from optopad.sims.learning.settings import DEFAULT, FitSettings
 from optopad.sims.learning.tables import (
     TOUCH_DEPTHS_MM,
     JudgedPresses,

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from optopad.design.draft import Draft
 from optopad.design.io import write_text_atomically
 from optopad.design.preset import preset
 from optopad.design.shape.cavity import cavity_of, judged_pairs, mask_of
@@ -53,7 +54,7 @@ def row_of(found: SignalMap, press_mm: np.ndarray, truth: np.ndarray) -> list[st
     design = preset("piacenza2017-pad")
     cavity = cavity_of(design)
     untouched = found.flux[0, 0, 0]
-    readout = readout_of(design, untouched, mask_of(judged_pairs(cavity), cavity))
+    readout = readout_of(Draft.of(design), untouched, mask_of(judged_pairs(cavity), cavity))
     true = truth * readout.gains
     off = found.at(press_mm) * readout.gains - true
     units = np.where(true < readout.full_scale_counts, off / sigma_counts(true), np.nan)
@@ -71,7 +72,7 @@ def row_of(found: SignalMap, press_mm: np.ndarray, truth: np.ndarray) -> list[st
 def main() -> None:
     """Trace, compare, write the table."""
     design, press_mm = preset("piacenza2017-pad"), presses_mm()
-    truth = trace(design, press_mm, accuracy="standard", seed=SEED).flux
+    truth = trace(Draft.of(design), press_mm, accuracy="standard", seed=SEED).flux
     rows = []
     for name, (pitch_mm, nodes) in MAPS.items():
         found = traced_map(design, pitch_mm=pitch_mm, depth_nodes=nodes, seed=MAP_SEED)

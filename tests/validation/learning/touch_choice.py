@@ -17,11 +17,11 @@ import numpy as np
 from optopad.design.io import write_text_atomically
 from optopad.design.preset import preset
 from optopad.design.press_protocol import load_protocol_file
-from optopad.sims.learning.fits import touch as touch_fit
-from optopad.sims.learning.fits.touch import fit_plain_touch, fit_tuned_touch
-from optopad.sims.learning.inference.touch_svm import TouchSvm
+from optopad.sims.learning import touch_fit
+from optopad.sims.learning.inference.touch_model import TouchSvm
 from optopad.sims.learning.samples import TrainingData, prepared
 from optopad.sims.learning.tables import PublishedTouch, published_touch
+from optopad.sims.learning.touch_fit import fit_plain_touch, fit_tuned_touch
 from optopad.sims.readings.protocol import draw, protocol_curves
 
 ROOT = Path(__file__).parents[3]

@@ -31,7 +31,7 @@ from optopad.design.preset import preset
 from optopad.design.rules.check import check
 from optopad.design.search.improve import HEIGHTS, Judged, Limit, betters, improvement_space, is_sound, worth
 from optopad.design.spec import SensorDesign
-from optopad.design.spec.cheap_fields import CLEAR
+from optopad.design.spec.properties import CLEAR
 from optopad.screen.figures import figures_of
 from optopad.sims.score.build_tolerance import with_tolerance
 from optopad.sims.score.objective import judge, sizes_of, with_bounds

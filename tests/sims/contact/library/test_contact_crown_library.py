@@ -9,7 +9,6 @@ import pytest
 
 from optopad.design.errors import InputError, ModelScopeError
 from optopad.design.rules.shape import LARGEST_REACH, WALL_RADIUS_RANGE
-from optopad.sims.contact.crown import crown_drop, require_rim
 from optopad.sims.contact.library.live_press import fit_press
 from optopad.sims.contact.library.profile_library import (
     CORNER,
@@ -27,7 +26,7 @@ from optopad.sims.contact.library.smooth_press import (
     off_crown,
 )
 from optopad.sims.contact.library.stored_press import stored_press
-from optopad.sims.contact.scope import WALL_RADIUS
+from optopad.sims.contact.scope import WALL_RADIUS, crown_drop, require_rim
 from tests.validation.contact.library_build import (
     all_pads,
     crown_changes,

@@ -24,6 +24,7 @@ from optopad.sims.contact.library.profile_library import (
 from optopad.sims.contact.library.smooth_press import POISSON_RATIOS, SmoothPress, nearly_incompressible
 from optopad.sims.contact.library.solved_press import SolvedPress
 from optopad.sims.contact.library.stored_press import PressInputs
+from optopad.sims.contact.scope import contact_of
 from tests.validation.contact.library_build import (
     assembled,
     crown_changes,
@@ -105,10 +106,10 @@ def test_force_and_contact_shrink_as_the_layer_thickens(library: Library) -> Non
 
 
 def test_library_serves_every_modulus_and_scale(check_design: SensorDesign) -> None:
-    press = solved_press(check_design, 3.0)
+    press = solved_press(contact_of(check_design), 3.0)
     assert press.unit is None
     assert press.smooth.layer_depth == pytest.approx(8 / 3)
-    stiff = solved_press(check_design.with_(**{"elastomer.youngs_modulus_mpa": 3.0}), 3.0)
+    stiff = solved_press(contact_of(check_design.with_(**{"elastomer.youngs_modulus_mpa": 3.0})), 3.0)
     assert stiff.force_n(2.0) == pytest.approx(3.0 * press.force_n(2.0), rel=1e-12)
 
 

@@ -14,15 +14,16 @@ from optopad.design.spec import SensorDesign
 from optopad.sims.contact.indentation import solved_press
 from optopad.sims.contact.library import stored_press
 from optopad.sims.contact.library.live_press import fit_press
-from optopad.sims.contact.library.profiles import UnitPress
 from optopad.sims.contact.library.solved_press import SolvedPress
 from optopad.sims.contact.library.stored_press import (
+    UnitPress,
     cache_folder,
     entry_key,
     entry_path,
     read_entry,
     write_entry,
 )
+from optopad.sims.contact.scope import contact_of
 
 KEY = entry_key({"case": 1})
 
@@ -118,7 +119,7 @@ def test_an_unwritable_folder_gives_a_result_with_a_note(
     monkeypatch.setenv("OPTOPAD_CACHE", str(blocked))
     monkeypatch.setattr(stored_press, "_SOLVED", {})
     monkeypatch.setattr(stored_press, "_solve", lambda *_: coarse_press.unit)
-    press = solved_press(check_design, mesh_mm=0.45)
+    press = solved_press(contact_of(check_design), mesh_mm=0.45)
     # the same states for both Poisson's ratios leave nothing to extrapolate
     expected = fit_press(coarse_press.unit).force_at(1 / 3)
     assert press.smooth.force_at(1 / 3) == pytest.approx(expected, rel=1e-9)
@@ -141,7 +142,7 @@ def test_a_damaged_entry_is_solved_again_and_replaced(
         monkeypatch.setattr(stored_press, "_SOLVED", {})
         for path in folder.glob("*.npz") if damage else ():
             path.write_bytes(b"not a zip file")
-        assert len(solved_press(check_design, mesh_mm=0.45).notes) == 1
+        assert len(solved_press(contact_of(check_design), mesh_mm=0.45).notes) == 1
     # both Poisson's ratios, twice
     assert len(calls) == 4
 

@@ -7,8 +7,8 @@ import pytest
 
 from optopad.design.errors import InputError, ModelScopeError
 from optopad.design.rules.shape import LEAST_RIM_SHARE
-from optopad.sims.contact.crown import crown_drop, crown_slope, require_rim
 from optopad.sims.contact.mesh import RIM_SPACING, finer_towards_end, graded_spacing, radial_mesh
+from optopad.sims.contact.scope import crown_drop, crown_slope, require_rim
 from optopad.sims.contact.wedge import WEDGE_ANGLE, solve_wedge, sweep
 
 CROWN, WALL = 3 / 14, 11 / 3

@@ -13,9 +13,9 @@ from optopad.design.errors import ModelScopeError
 from optopad.design.spec import SensorDesign
 from optopad.sims.contact.indentation import indent
 from optopad.sims.contact.library.live_press import fit_press
-from optopad.sims.contact.library.profiles import UnitPress
 from optopad.sims.contact.library.smooth_press import SmoothPress, TopCurve, contact_tolerance, surface_curve
 from optopad.sims.contact.library.solved_press import SolvedPress
+from optopad.sims.contact.library.stored_press import UnitPress
 from optopad.sims.contact.tip import tip_gap
 from optopad.sims.press import Indentation
 

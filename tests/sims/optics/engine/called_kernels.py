@@ -10,6 +10,7 @@ import sys
 import numpy as np
 
 from optopad.sims.kernels import entry_points
+from optopad.sims.optics.engine import mirrored
 from optopad.sims.optics.engine import straight as rays
 from optopad.sims.optics.engine.compiled import KERNEL_MODULES
 from optopad.sims.optics.surface import radial
@@ -33,6 +34,7 @@ height_at = _with_an_entry(top.surface_height)
 gradient_at = _with_an_entry(top.surface_gradient)
 bend_at = _with_an_entry(top.surface_bend)
 is_clear = _with_an_entry(rays.is_clear)
+may_be_shaded = _with_an_entry(mirrored._may_be_shaded)
 
 
 @entry

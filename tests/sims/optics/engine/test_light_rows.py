@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from optopad.design.draft import Draft
 from optopad.design.preset import preset
 from optopad.sims.cache import SIZE_VARIABLE, LightStore
 from optopad.sims.optics import tracing
@@ -205,15 +206,15 @@ def test_another_gain_or_noise_traces_no_light_again(tmp_path, monkeypatch, rows
     monkeypatch.setenv(SIZE_VARIABLE, "50")
     design = preset("piacenza2017-pad")
     presses = np.array([[16.0, 12.0, 2.0], [9.0, 9.0, 1.0]])
-    first = trace(design, presses, accuracy="draft")
+    first = trace(Draft.of(design), presses, accuracy="draft")
     other = design.with_(**{"noise.read_noise_counts": 2.0, "gain.target_counts": 300.0, "name": "other"})
-    again = trace(other, presses, accuracy="draft")
+    again = trace(Draft.of(other), presses, accuracy="draft")
     assert rows_traced == [8, 8]
     np.testing.assert_array_equal(again.flux, first.flux)
-    trace(design.with_(**{"emitters.height_mm": 5.1}), presses, accuracy="draft")
+    trace(Draft.of(design.with_(**{"emitters.height_mm": 5.1})), presses, accuracy="draft")
     assert rows_traced == [8, 8] * 2
     monkeypatch.setenv(SIZE_VARIABLE, "0")
-    trace(design, presses, accuracy="draft")
+    trace(Draft.of(design), presses, accuracy="draft")
     assert rows_traced == [8, 8] * 3
 
 
@@ -238,15 +239,15 @@ def test_each_press_of_an_interrupted_trace_is_kept(tmp_path, monkeypatch, name,
     pair = np.zeros((len(presses), 8, 8), dtype=np.bool_)
     pair[:, 0, 5] = pair[2:, 3, 1] = True
     with pytest.raises(stopped):
-        trace(design, presses, accuracy="draft", pairs=pair, on_step=stop)
+        trace(Draft.of(design), presses, accuracy="draft", pairs=pair, on_step=stop)
     known = LightStore(tmp_path / "light" / "rows.sqlite", 50.0).rows()
     traced.clear()
-    found = trace(design, presses, accuracy="draft", pairs=pair)
+    found = trace(Draft.of(design), presses, accuracy="draft", pairs=pair)
     assert known >= 4  # the light of three presses, and the names of all
     assert len(traced) <= 4  # one more where the interrupted trace was still at its fourth
     monkeypatch.setenv(SIZE_VARIABLE, "0")
     monkeypatch.setattr(tracing, "_kept_one_by_one", in_one)
-    whole = trace(design, presses, accuracy="draft", pairs=pair)
+    whole = trace(Draft.of(design), presses, accuracy="draft", pairs=pair)
     for name in ("flux", "standard_error", "change_error", "relative_error"):
         np.testing.assert_array_equal(getattr(found, name), getattr(whole, name))
 
@@ -263,7 +264,10 @@ def test_light_that_no_store_keeps_is_traced_once(tmp_path, monkeypatch, rows_tr
     shares = []
     presses = np.array([[16.0, 12.0, 2.0], [9.0, 9.0, 1.0], [16.0, 12.0, 2.0]])
     light = trace(
-        preset("piacenza2017-pad"), presses, accuracy="draft", on_step=lambda *done: shares.append(done)
+        Draft.of(preset("piacenza2017-pad")),
+        presses,
+        accuracy="draft",
+        on_step=lambda *done: shares.append(done),
     )
     assert rows_traced == [8, 8]
     assert shares[0] == (0, 3)
@@ -276,11 +280,11 @@ def test_known_light_of_presses_is_answered_without_a_single_surface(tmp_path, m
     monkeypatch.setenv(SIZE_VARIABLE, "50")
     design = preset("piacenza2017-pad")
     presses = np.array([[16.0, 12.0, 2.0], [16.0, 20.0, 2.0], [9.0, 9.0, 0.0]])
-    first = trace(design, presses, accuracy="draft")
+    first = trace(Draft.of(design), presses, accuracy="draft")
     made = []
     real = tracing._made
     monkeypatch.setattr(tracing, "_made", lambda *given: made.append(1) or real(*given))
-    again = trace(design, presses, accuracy="draft")
+    again = trace(Draft.of(design), presses, accuracy="draft")
     for name in ("flux", "standard_error", "change_error", "relative_error"):
         np.testing.assert_array_equal(getattr(again, name), getattr(first, name))
     assert made == []
@@ -291,14 +295,14 @@ def test_known_light_of_presses_is_answered_without_a_single_surface(tmp_path, m
         (design, 0, 12.1),
     ):
         made.clear()
-        trace(other, presses + np.array([0.0, place - 12.0, 0.0]), accuracy="draft", seed=seed)
+        trace(Draft.of(other), presses + np.array([0.0, place - 12.0, 0.0]), accuracy="draft", seed=seed)
         assert made == [1]
     store = LightStore(tmp_path / "light" / "rows.sqlite", 50.0)
     assert store.rows() > 0
     made.clear()
     rows = store.read(names_in(store))
     store.write({name: b"damaged" for name, content in rows.items() if len(content) == 8 * 8 * 8})
-    damaged = trace(design, presses, accuracy="draft")
+    damaged = trace(Draft.of(design), presses, accuracy="draft")
     assert made == [1]
     np.testing.assert_array_equal(damaged.flux, first.flux)
 

@@ -5,10 +5,21 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from optopad.design.preset import preset
+from optopad.sims.contact.pad_surface import pad_surfaces
+from optopad.sims.optics.engine.untouched import packed
+from optopad.sims.optics.scene.lower import scene_of
+from optopad.sims.optics.scene.optical_scene import smooth_field
 from optopad.sims.optics.surface.curves import CONTACT_R
-from optopad.sims.optics.surface.tops import stack_tops
+from optopad.sims.optics.surface.tops import Top, stack_tops
 from tests.bench.measures.benchmark_states import benchmark_scene, benchmark_states
-from tests.sims.optics.engine.called_kernels import height, height_and_slope, is_clear
+from tests.sims.optics.engine.called_kernels import (
+    height,
+    height_and_slope,
+    height_at,
+    is_clear,
+    may_be_shaded,
+)
 from tests.sims.optics.surface.test_light_surface import one_tip
 
 LEGS, SAMPLES = 200, 3000
@@ -43,3 +54,34 @@ def test_a_leg_is_clear_where_the_top_lies_above_it_all_the_way(surface: str, de
         clear, hidden = clear + (gap > 0.0), hidden + (gap < 0.0)
     assert clear > LEGS // 10
     assert hidden > 3
+
+
+@pytest.mark.parametrize("place_mm", [(16.0, 16.0), (6.0, 6.0)])
+def test_a_face_that_is_told_to_be_in_view_has_no_line_through_the_top(place_mm: tuple[float, float]) -> None:
+    design = preset("piacenza2017-pad")
+    scene = scene_of(design)
+    box, emitters, _ = packed(scene)
+    presses = np.array([[*place_mm, depth] for depth in (0.3, 2.5, 4.9)])
+    rng = np.random.default_rng(7)
+    told = 0
+    for press, surface in zip(presses, pad_surfaces(design, presses), strict=True):
+        field = smooth_field(
+            lambda x, y, surface=surface: surface.beside_mm(x[:, 0], y[0]), 32.0, 32.0, 0.75, 2
+        )
+        rows, cells = stack_tops([surface.near], press[None, :2], scene, [field]).part(np.arange(1))
+        top = Top(rows[0], cells[0])
+        for face in emitters:
+            wall, along, z, half_width, half_height = face[:5]
+            for x, y in rng.uniform(0.5, 31.5, (40, 2)):
+                if np.hypot(x - press[0], y - press[1]) < rows[0, 0, CONTACT_R]:
+                    continue
+                start = np.array([x, y, height_at(x, y, top)])
+                if may_be_shaded(*start, face, box, top):
+                    continue
+                told += 1
+                a = along + half_width * rng.uniform(-1.0, 1.0, 6)
+                here = {0: (a, 0 * a), 1: (0 * a + 32.0, a), 2: (a, 0 * a + 32.0), 3: (0 * a, a)}[int(wall)]
+                for x1, y1 in zip(*here, strict=True):
+                    line = start + np.linspace(0.0, 1.0, 150)[:, None] * ([x1, y1, z + half_height] - start)
+                    assert min(height_at(px, py, top) - pz for px, py, pz in line) > -UNCLEAR_MM
+    assert told > 400

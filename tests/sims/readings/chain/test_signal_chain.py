@@ -19,10 +19,12 @@ from optopad.sims.readings.signal_chain import (
     shot_variance_per_count,
     without_noise,
 )
-from optopad.sims.verdict.depth_curve import noise_of
+from tests.sims.readings.chain.pair_noise import pair_sigma_counts
 
 DESIGN = preset("piacenza2017-pad")
-READOUT = Readout(counts_per_flux=54_500.0, full_scale_counts=1023.0)
+READOUT = Readout(
+    counts_per_flux=54_500.0, full_scale_counts=1023.0, read_noise_counts=0.5, relative_noise=0.003
+)
 FRAMES = 4000
 STANDARD_ERROR = 1.0 / np.sqrt(2 * FRAMES)
 """Relative standard error of one standard deviation of so many normal numbers."""
@@ -158,7 +160,7 @@ def test_averages_divide_read_and_shot_noise_and_take_their_time() -> None:
     np.testing.assert_allclose(many.shot_variance_per_count, one.shot_variance_per_count / 16)
     between = np.diff(one.read_at_s[0])
     np.testing.assert_allclose(np.diff(many.read_at_s[0]), 16 * between)
-    assert noise_of(sixteen)["read_noise_counts"] == noise_of(DESIGN)["read_noise_counts"] / 4
+    assert sixteen.value_noise_counts == DESIGN.value_noise_counts / 4
 
 
 def test_shot_noise_follows_the_capacitor_and_stays_below_the_reading_noise() -> None:
@@ -182,7 +184,7 @@ def test_the_noise_of_a_pair_is_what_its_formula_says() -> None:
     of = chain_of(DESIGN.with_(**{"noise.dark_counts": 10.0}), READOUT)
     found = taken(of)
     signal = found[:, :-1] - found[:, -1:]
-    wanted = of.pair_sigma_counts(np.full((8, 8), 300.0))
+    wanted = pair_sigma_counts(of, np.full((8, 8), 300.0))
     np.testing.assert_allclose(signal.std(axis=0), wanted, rtol=6 * STANDARD_ERROR)
 
 

@@ -18,11 +18,10 @@ import numpy as np
 
 from optopad.design.errors import InputError, ModelScopeError
 from optopad.design.rules.shape import DEEPEST_PRESS, LARGEST_SHARE_OF_LAYER, LAYER_DEPTH_RANGE
-from optopad.sims.contact.crown import require_rim
 from optopad.sims.contact.library.live_press import LEAST_DEPTH, MESH_RANGE, both_ratios
 from optopad.sims.contact.library.smooth_press import POISSON_RATIOS, SmoothPress, TopCurve, above_crown
 from optopad.sims.contact.library.stored_press import PressInputs
-from optopad.sims.contact.scope import solved_depths
+from optopad.sims.contact.scope import require_rim, solved_depths
 from optopad.sims.press import Indentation
 
 CROWNED_MESH = 1 / 15

@@ -19,8 +19,8 @@ from scipy.interpolate import RegularGridInterpolator
 
 from optopad.design.arrays import FloatArray
 from optopad.design.preset import preset
-from optopad.sims.contact.indentation import modulus_mpa
 from optopad.sims.contact.pad_surface import PadSurface, curve_height_mm, pad_surface
+from optopad.sims.contact.scope import contact_of
 from tests.validation.contact.contact_table import markdown_table, with_table
 from tests.validation.contact.crown.offset_oracle import OffsetPad, offset_state
 from tests.validation.contact.crown.offset_table import (
@@ -96,7 +96,10 @@ def differences(name: str, depth_mm: float) -> tuple[Difference, Difference]:
     fine, half = (offset_state(name, depth_mm, half=one, path=STORED) for one in (False, True))
     (top, _), press = surface(pad, fine), pressed(pad, depth_mm)
     force_n, edge_mm = float(fine.force_n[2]), press.near.contact_radius_mm
-    model = model_difference_um(top, press), press.near.force_n / modulus_mpa(DESIGN) / force_n
+    model = (
+        model_difference_um(top, press),
+        press.near.force_n / contact_of(DESIGN).draft.modulus.value / force_n,
+    )
     mesh = mesh_difference_um(pad, fine, half), float(half.force_n[2]) / force_n
     return Difference.of(pad, top, *model, edge_mm), Difference.of(pad, top, *mesh, edge_mm)
 

@@ -48,9 +48,7 @@ from sklearn.svm import LinearSVC
 
 from optopad.design.arrays import BoolArray, FloatArray, IntArray
 from optopad.sims.learning.inference.extra_trees import ExtraTreesModel
-from optopad.sims.learning.inference.feature_scaling import FeatureScaling
-from optopad.sims.learning.inference.sigma_table import SigmaTable
-from optopad.sims.learning.inference.touch_svm import TouchSvm
+from optopad.sims.learning.inference.touch_model import FeatureScaling, SigmaTable, TouchSvm
 from optopad.sims.learning.samples import (
     CLEARLY_UNTOUCHED_MM,
     LEAST_SCALE_COUNTS,
