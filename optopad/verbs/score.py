@@ -112,7 +112,7 @@ def _written(
         bundle(design, out, seed=seed, parts=(contact, answer)) as folder,
         beside("optopad.report") as drawer,
     ):
-        score, early = scored(
+        score, drawn = scored(
             design,
             folder,
             drawer,
@@ -125,7 +125,7 @@ def _written(
             builds=builds,
             memo=memo,
         )
-        drawings = early()
+        drawings = drawn()
         if has_page:
             write_pages(design, folder, score, seed, drawer, drawings)
     if memo is not None:
