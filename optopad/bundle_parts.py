@@ -25,8 +25,7 @@ if TYPE_CHECKING:
 
 ANSWER = Path("sims", "answer.json")
 """File of a bundle with the texts of the screen (`optopad.screen.answer`)."""
-Drawn = tuple[bytes, bytes] | None
-"""Drawings for the report's page that another process made of a score, if it was asked to."""
+
 CONTACT_PLOTS = (
     "layout",
     "force",
@@ -113,10 +112,11 @@ def scored(
     full: bool = False,
     builds: int | None = None,
     memo: FinishedWork | None = None,
-) -> tuple[ContinuityScore, Callable[[], Drawn]]:
+) -> tuple[ContinuityScore, Callable[[], None]]:
     """Compute and write the score.
 
     Meanwhile, the other process makes what does not depend on the tolerances: files, and drawings for `write_pages`.
+    The returned function waits for it, and raises its errors.
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ def scored(
 
     def begin(score: ContinuityScore) -> None:
         plots = [folder / name for name in done]
-        begun.append(drawer.begin("write_early", design, score, sims, plots, seed=seed, with_page=with_page))
+        begun.append(drawer.begin("draw_early", design, score, sims, plots, seed=seed, with_page=with_page))
 
     score = judge(design, fine=fine, full=full, seed=seed, tolerance=False, on_judged=begin, on_step=on_step)
     if not begun:  # the design is outside the range of the models
@@ -159,9 +159,10 @@ def scored(
     write_text_atomically(sims / "score.json", json.dumps(found.to_json(), indent=2) + "\n")
     write_text_atomically(folder / ANSWER, answer_of(design, found, summary_words(design, found)).to_text())
 
-    def drawn() -> Drawn:
-        early = begun[0]()
-        return None if late is None else (early, late())
+    def drawn() -> None:
+        begun[0]()
+        if late is not None:
+            late()
 
     return found, drawn
 
@@ -222,14 +223,13 @@ def write_pages(
     score: ContinuityScore,
     seed: int,
     drawer: OtherProcess,
-    drawn: Drawn,
 ) -> None:
     """Write what follows from a verdict and a mold: sheets, firmware, driver configuration, report.
 
     Parameters
     ----------
-    drawer, drawn : process of `optopad.report`, and its drawings (`scored`)
+    drawer : the process of `optopad.report` that drew the score (`scored`)
     """
     checks = checks_of(folder / "cad")
     write_fabrication(design, folder, simulated_gain(score), mold_mm3(checks))
-    drawer.begin("write_report", design, folder, score, checks, seed=seed, drawn=drawn)()
+    drawer.begin("write", design, folder, score, checks, seed=seed)()

@@ -15,7 +15,6 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import pickle
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -26,10 +25,11 @@ from threading import Thread
 from typing import TYPE_CHECKING, Any, TextIO, cast
 from weakref import WeakSet
 
-from optopad.design.errors import InputError
+from optopad.design.errors import InputError, OptopadError
 from optopad.design.files import temporary_folder, unwritable
 from optopad.design.toml_text import parsed_toml
 from optopad.fabrication.bundle import program_digest
+from optopad.wire import packed, unpacked
 
 if TYPE_CHECKING:
     from optopad.design.spec import SensorDesign
@@ -94,7 +94,7 @@ class OtherProcess:
         """
         if self._sender is not None:
             self._sender.join()
-        request = pickle.dumps((function, arguments, settings))
+        request = packed((function, arguments, settings))
         self._sender = Thread(target=self._send, args=(request,), daemon=True)
         self._sender.start()
         self._calls += 1
@@ -109,7 +109,7 @@ class OtherProcess:
     def _result(self, call: int) -> Any:
         try:
             while len(self._arrived) <= call:
-                self._arrived.append(pickle.load(self._results))
+                self._arrived.append(unpacked(self._results))
         except EOFError:
             _, message = self._process.communicate()
             raise RuntimeError(
@@ -144,15 +144,18 @@ def serve(*functions: Callable[..., Any]) -> None:
     sys.stdout = sys.stderr  # what libraries print is not a result
     while True:
         try:
-            name, arguments, settings = pickle.load(requests)
+            name, arguments, settings = unpacked(requests)
         except EOFError:
             return
-        made, failure = None, None
+        outcome: tuple[Any, Exception | None]
         try:
-            made = by_name[name](*arguments, **settings)
-        except Exception as err:  # all: the other process raises it
-            failure = err
-        pickle.dump((made, failure), results)
+            outcome = by_name[name](*arguments, **settings), None
+        except (
+            OSError,
+            OptopadError,
+        ) as err:  # the other process raises it; any other error ends this process
+            outcome = None, err
+        results.write(packed(outcome))
         results.flush()
 
 

@@ -3,11 +3,37 @@
 from __future__ import annotations
 
 import gc
+from pathlib import Path
+from typing import Any
 
+from optopad.design.spec import SensorDesign
 from optopad.report.page import write_report
-from optopad.report.sections.early import draw_tolerance, prepare, write_early
+from optopad.report.sections.drawings import Drawing, tolerance_drawings
+from optopad.report.sections.early import EarlyDrawings, prepare, write_early
+from optopad.sims.score.result import ContinuityScore
 from optopad.work import serve
+
+
+class _Page:
+    """The page of one score; its drawings stay in this process until the page is written."""
+
+    early: EarlyDrawings | None = None
+    late: dict[str, Drawing] | None = None
+
+    def draw_early(self, *arguments: Any, **settings: Any) -> None:
+        self.early = write_early(*arguments, **settings)
+
+    def draw_tolerance(self, score: ContinuityScore) -> None:
+        self.late = tolerance_drawings(score)
+
+    def write(
+        self, design: SensorDesign, folder: Path, score: ContinuityScore, checks: dict[str, Any], *, seed: int
+    ) -> None:
+        drawn = None if self.early is None or self.late is None else (self.early, self.late)
+        write_report(design, folder, score, checks, seed=seed, drawn=drawn)
+
 
 if __name__ == "__main__":
     gc.disable()  # the process is short, and plots consist of many small objects
-    serve(prepare, write_early, draw_tolerance, write_report)
+    page = _Page()
+    serve(prepare, page.draw_early, page.draw_tolerance, page.write)

@@ -8,7 +8,6 @@ Equal designs, scores, checks and files give the same page, byte for byte.
 
 from __future__ import annotations
 
-import pickle
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -87,6 +86,10 @@ class Found:
     maps: MapScene | None
 
 
+Drawn = tuple[EarlyDrawings, dict[str, Drawing]]
+"""Early drawings of a score, and drawings of its tolerance."""
+
+
 def write_report(
     design: SensorDesign,
     folder: Path,
@@ -94,7 +97,7 @@ def write_report(
     checks: dict[str, Any],
     *,
     seed: int,
-    drawn: tuple[bytes, bytes] | None = None,
+    drawn: Drawn | None = None,
 ) -> Path:
     """Write ``report.html`` and ``sims/plot-*.svg`` into a bundle; returns the page's path.
 
@@ -102,13 +105,9 @@ def write_report(
     ----------
     folder : the bundle, with the files that the page shows and links to
     checks : the mold's checks, as in ``cad/checks.json``
-    drawn : results of `write_early` and `draw_tolerance` for this score; if None, they are made now
+    drawn : early drawings and those of the tolerance for this score; if None, they are made now
     """
-    early: EarlyDrawings
-    if drawn is None:
-        early, late = early_drawings(design, score, seed=seed), tolerance_drawings(score)
-    else:
-        early, late = (pickle.loads(drawings) for drawings in drawn)
+    early, late = drawn or (early_drawings(design, score, seed=seed), tolerance_drawings(score))
     drawings = early.drawings | late
     _write_drawings(folder / "sims", drawings)
     found = Found(

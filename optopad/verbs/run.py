@@ -154,7 +154,8 @@ def _made(
                     on_step("mold beside", 1.0)
                 if found is not None and drawer is not None:
                     on_step("files", 0.0)
-                    write_pages(design, folder, found, seed, drawer, drawn())
+                    drawn()
+                    write_pages(design, folder, found, seed, drawer)
                     on_step("files", 1.0)
     fresh = [part for part, files in zip(parts, kept, strict=True) if not files]
     made = {"design.toml"}.union(*(current_files(final, part) for part in fresh))

@@ -125,9 +125,9 @@ def _written(
             builds=builds,
             memo=memo,
         )
-        drawings = drawn()
+        drawn()
         if has_page:
-            write_pages(design, folder, score, seed, drawer, drawings)
+            write_pages(design, folder, score, seed, drawer)
     if memo is not None:
         memo.forget()
     return score, out / name

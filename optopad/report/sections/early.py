@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +11,7 @@ from optopad.design.shape.cavity import cavity_of
 from optopad.design.spec import SensorDesign
 from optopad.report.scenes.map_scene import MapScene
 from optopad.report.scenes.ray_scene import RayScene, ray_scene
-from optopad.report.sections.drawings import PREFIX, Drawing, drawings_without_tolerance, tolerance_drawings
+from optopad.report.sections.drawings import PREFIX, Drawing, drawings_without_tolerance
 from optopad.report.sections.maps import map_scene
 from optopad.report.sections.rays import sheet_of
 from optopad.sims.contact.scope import contact_of
@@ -74,8 +73,8 @@ def write_early(
     *,
     seed: int,
     with_page: bool,
-) -> bytes | None:
-    """Write the data sets of a score, and make its early drawings if `with_page`; they are returned pickled.
+) -> EarlyDrawings | None:
+    """Write the data sets of a score, and make its early drawings if `with_page`; they are returned.
 
     Parameters
     ----------
@@ -90,12 +89,7 @@ def write_early(
     if not with_page:
         return None
     texts = {file.stem.removeprefix(PREFIX): file.read_text(encoding="utf-8") for file in done}
-    return pickle.dumps(early_drawings(design, score, seed=seed, done=texts))
-
-
-def draw_tolerance(score: ContinuityScore) -> bytes:
-    """The plots of a score's tolerance, pickled."""
-    return pickle.dumps(tolerance_drawings(score))
+    return early_drawings(design, score, seed=seed, done=texts)
 
 
 def _light(design: SensorDesign, score: ContinuityScore, seed: int) -> RayScene | str | None:
