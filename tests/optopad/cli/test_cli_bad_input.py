@@ -311,7 +311,8 @@ def test_checking_a_bad_design_shows_its_fault_and_writes_nothing(
         before = everything_under(folder.parent)
         out, err = refused(["check", str(path)], capsys)
         said = " ".join((out + err).split())
-        fault = " ".join(refusal(path).splitlines()[-1].removeprefix(f"{path}: ").split())
-        assert fault[:80] in said, bad.id  # long lists of names are cut in different places
+        faults = [" ".join(line.split()) for line in refusal(path).replace(f"{path}: ", "").splitlines()]
+        # long lists of names are cut in different places
+        assert any(line[:80] in said for line in faults), bad.id
         assert [word for word in JARGON if word in said] == [], bad.id
         assert everything_under(folder.parent) == before, bad.id
