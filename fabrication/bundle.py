@@ -189,15 +189,15 @@ def current_files(folder: Path, part: Part) -> list[str]:
     return names if is_whole else []
 
 
-def copy_part(part: Part, folder: Path, out: Path, name: str) -> bool:
-    """Copy a part into `folder` from another bundle of the same name in `out`, if one has it; returns whether so."""
+def copy_part(part: Part, folder: Path, out: Path, name: str) -> list[str]:
+    """Copy a part into `folder` from another bundle of the same name in `out`; returns the files, if any."""
     for other in sorted(out.glob(f"{glob.escape(name)}-????????")):
         if files := current_files(other, part):
             for file in files:
                 (folder / file).parent.mkdir(parents=True, exist_ok=True)
                 shutil.copyfile(other / file, folder / file)
-            return True
-    return False
+            return files
+    return []
 
 
 @cache

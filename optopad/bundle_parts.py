@@ -6,7 +6,7 @@ A part that a bundle already has from the same inputs is not made again (`optopa
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +25,18 @@ if TYPE_CHECKING:
 
 ANSWER = Path("sims", "answer.json")
 """File of a bundle with the texts of the screen (`optopad.screen.answer`)."""
+Drawn = tuple[bytes, bytes] | None
+"""Drawings for the report's page that another process made of a score, if it was asked to."""
+CONTACT_PLOTS = (
+    "layout",
+    "force",
+    "contact-radius",
+    "force-near",
+    "load-protocol",
+    "load-time",
+    "map-by-depth-load",
+)
+"""Plots of a report's page that show the pad's shape and the load of a press."""
 
 
 def mold_part(design: SensorDesign, bed_mm: Bed | None = None, *, slice_parts: bool = False) -> Part:
@@ -60,6 +72,23 @@ def answer_part(
     return Part(inputs | {"program": program_digest()}, ("sims/", "fabrication/", "report.html"))
 
 
+def contact_part(design: SensorDesign, *, fine: bool = False, full: bool = False) -> Part:
+    """The plots of a report's page that show the pad's shape and the load of a press, as a part of a bundle.
+
+    Parameters
+    ----------
+    fine, full : settings of the score, which set the locations of the map
+    """
+    inputs = {
+        "surface": design.surface_digest,
+        "measured": sorted(design.measured),
+        "fine": fine,
+        "full": full,
+    }
+    files = tuple(f"sims/plot-{name}.svg" for name in CONTACT_PLOTS)
+    return Part(inputs | {"program": program_digest()}, files)
+
+
 def checks_of(folder: Path) -> dict[str, Any]:
     """The checks of the mold in the folder of its files."""
     checks: dict[str, Any] = json.loads((folder / "checks.json").read_text(encoding="utf-8"))
@@ -80,10 +109,11 @@ def scored(
     seed: int,
     on_step: OnStep,
     with_page: bool,
+    done: Sequence[str] = (),
     full: bool = False,
     builds: int | None = None,
     memo: FinishedWork | None = None,
-) -> tuple[ContinuityScore, Callable[[], bytes | None]]:
+) -> tuple[ContinuityScore, Callable[[], Drawn]]:
     """Compute and write the score.
 
     Meanwhile, the other process makes what does not depend on the tolerances: files, and drawings for `write_pages`.
@@ -92,6 +122,7 @@ def scored(
     ----------
     drawer : a process of `optopad.report`
     with_page : whether to make these drawings
+    done : plots in the folder that are not drawn again
     builds : number of units in a Monte Carlo over manufacturing tolerances; None for none
     memo : store of its finished units
     """
@@ -106,20 +137,33 @@ def scored(
     sims.mkdir(exist_ok=True)
     for kind in ("svg", "png"):  # of an earlier score: a bundle has one verdict
         (sims / f"builds.{kind}").unlink(missing_ok=True)
-    score = judge(design, fine=fine, full=full, seed=seed, tolerance=False, on_step=on_step)
-    early: Callable[[], bytes | None] = drawer.begin(
-        "write_early", design, score, sims, seed=seed, with_page=with_page
-    )
+    if with_page:
+        drawer.begin("prepare", design)
+    begun: list[Callable[[], Any]] = []
+
+    def begin(score: ContinuityScore) -> None:
+        plots = [folder / name for name in done]
+        begun.append(drawer.begin("write_early", design, score, sims, plots, seed=seed, with_page=with_page))
+
+    score = judge(design, fine=fine, full=full, seed=seed, tolerance=False, on_judged=begin, on_step=on_step)
+    if not begun:  # the design is outside the range of the models
+        begin(score)
     if builds is None:
         found = with_tolerance(design, score, seed=seed, on_step=on_step)
     else:
         found = with_builds(design, score, builds=builds, seed=seed, memo=memo, on_step=on_step)
     found = with_field_steps(design, found, seed=seed, on_step=on_step)
     found = with_trial(design, found, seed=seed, on_step=on_step)
+    late = drawer.begin("draw_tolerance", found) if with_page else None
     _write_plots(design, found, sims)
     write_text_atomically(sims / "score.json", json.dumps(found.to_json(), indent=2) + "\n")
     write_text_atomically(folder / ANSWER, answer_of(design, found, summary_words(design, found)).to_text())
-    return found, early
+
+    def drawn() -> Drawn:
+        early = begun[0]()
+        return None if late is None else (early, late())
+
+    return found, drawn
 
 
 def _write_plots(design: SensorDesign, score: ContinuityScore, sims: Path) -> None:
@@ -178,14 +222,14 @@ def write_pages(
     score: ContinuityScore,
     seed: int,
     drawer: OtherProcess,
-    early: bytes | None,
+    drawn: Drawn,
 ) -> None:
     """Write what follows from a verdict and a mold: sheets, firmware, driver configuration, report.
 
     Parameters
     ----------
-    drawer, early : process of `optopad.report`, and its drawings (`scored`)
+    drawer, drawn : process of `optopad.report`, and its drawings (`scored`)
     """
     checks = checks_of(folder / "cad")
     write_fabrication(design, folder, simulated_gain(score), mold_mm3(checks))
-    drawer.begin("write_report", design, folder, score, checks, seed=seed, early=early)()
+    drawer.begin("write_report", design, folder, score, checks, seed=seed, drawn=drawn)()

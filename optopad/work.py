@@ -20,8 +20,10 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from threading import Thread
+from typing import TYPE_CHECKING, Any, TextIO, cast
 from weakref import WeakSet
 
 from optopad.design.errors import InputError
@@ -79,28 +81,41 @@ class OtherProcess:
 
     def __init__(self, process: subprocess.Popen[str]) -> None:
         self._process = process
+        self._requests = cast(TextIO, process.stdin).buffer
+        self._results = cast(TextIO, process.stdout).buffer
+        self._sender: Thread | None = None
+        self._calls = 0
+        self._arrived: list[tuple[Any, Exception | None]] = []
 
     def begin(self, function: str, *arguments: Any, **settings: Any) -> Callable[[], Any]:
         """Begin a call of one of the functions that the process serves.
 
-        The returned function waits for the result and returns it, or raises the call's error. Results are requested in
-        the order of the calls.
+        The returned function waits for the result and returns it, or raises the call's error.
         """
-        assert self._process.stdin is not None
-        with suppress(BrokenPipeError):  # `_result` reports that the process has ended
-            pickle.dump((function, arguments, settings), self._process.stdin.buffer)
-            self._process.stdin.buffer.flush()
-        return self._result
+        if self._sender is not None:
+            self._sender.join()
+        request = pickle.dumps((function, arguments, settings))
+        self._sender = Thread(target=self._send, args=(request,), daemon=True)
+        self._sender.start()
+        self._calls += 1
+        return partial(self._result, self._calls - 1)
 
-    def _result(self) -> Any:
-        assert self._process.stdout is not None
+    def _send(self, request: bytes) -> None:
+        """Write a request, which waits until the other process has read it."""
+        with suppress(OSError, ValueError):  # the process has ended: `_result` reports it
+            self._requests.write(request)
+            self._requests.flush()
+
+    def _result(self, call: int) -> Any:
         try:
-            made, failure = pickle.load(self._process.stdout.buffer)
+            while len(self._arrived) <= call:
+                self._arrived.append(pickle.load(self._results))
         except EOFError:
             _, message = self._process.communicate()
             raise RuntimeError(
                 f"a process ended with {self._process.returncode}: {message.strip()}"
             ) from None
+        made, failure = self._arrived[call]
         if failure is not None:
             raise failure
         return made
@@ -132,11 +147,12 @@ def serve(*functions: Callable[..., Any]) -> None:
             name, arguments, settings = pickle.load(requests)
         except EOFError:
             return
+        made, failure = None, None
         try:
-            outcome = by_name[name](*arguments, **settings), None
+            made = by_name[name](*arguments, **settings)
         except Exception as err:  # all: the other process raises it
-            outcome = None, err
-        pickle.dump(outcome, results)
+            failure = err
+        pickle.dump((made, failure), results)
         results.flush()
 
 

@@ -72,6 +72,7 @@ class Found:
     pictures, sheets, files : the bundle's pictures, its sheets, and the names of its files
     mold : the mold for the 3D view; None if the bundle has no mold
     light : the light paths for the 3D view, or a text that says why there are none; None if there is no verdict
+    sheet : the picture of these paths for print; None if there are none
     maps : maps of the pad by depth; None if the score has no map
     """
 
@@ -82,6 +83,7 @@ class Found:
     files: tuple[str, ...]
     mold: dict[str, Any] | None
     light: RayScene | str | None
+    sheet: Drawing | None
     maps: MapScene | None
 
 
@@ -92,7 +94,7 @@ def write_report(
     checks: dict[str, Any],
     *,
     seed: int,
-    early: bytes | None = None,
+    drawn: tuple[bytes, bytes] | None = None,
 ) -> Path:
     """Write ``report.html`` and ``sims/plot-*.svg`` into a bundle; returns the page's path.
 
@@ -100,10 +102,14 @@ def write_report(
     ----------
     folder : the bundle, with the files that the page shows and links to
     checks : the mold's checks, as in ``cad/checks.json``
-    early : early drawings of this score, pickled; if None, they are made now
+    drawn : results of `write_early` and `draw_tolerance` for this score; if None, they are made now
     """
-    made: EarlyDrawings = early_drawings(design, score, seed=seed) if early is None else pickle.loads(early)
-    drawings = made.drawings | tolerance_drawings(score)
+    early: EarlyDrawings
+    if drawn is None:
+        early, late = early_drawings(design, score, seed=seed), tolerance_drawings(score)
+    else:
+        early, late = (pickle.loads(drawings) for drawings in drawn)
+    drawings = early.drawings | late
     _write_drawings(folder / "sims", drawings)
     found = Found(
         checks=checks,
@@ -112,8 +118,9 @@ def write_report(
         sheets=sheets_of(folder),
         files=tuple(bundle_files(folder)),
         mold=mold_scene(design, folder),
-        light=made.light,
-        maps=made.maps,
+        light=early.light,
+        sheet=early.sheet,
+        maps=early.maps,
     )
     page = report_html(design, score, found, versions(), seed=seed)
     write_text_atomically(folder / PAGE, page)
@@ -164,7 +171,7 @@ def _light_sections(design: SensorDesign, score: ContinuityScore, found: Found) 
         return layout
     return {
         "why": causes_section(score, drawings),
-        "rays": rays_section(found.light, found.mold),
+        "rays": rays_section(found.light, found.mold, found.sheet),
         **layout,
         "signals": signal_section(design, score, drawings),
         "map": map_section(score, drawings, found.maps),

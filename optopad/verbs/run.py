@@ -1,10 +1,10 @@
 """Makes the whole bundle of a design: mold, verdict, sheets, firmware, driver configuration, report.
 
-Only what changed is made. A mold may also come from another bundle, since electronics, gain and surfaces do not change
-it. Light that was traced before is read from disk in any case.
+Only what changed is made. A mold and plots of the contact may also come from another bundle, since electronics and gain
+do not change them. Light that was traced before is read from disk in any case.
 
-Mold and physics run in parallel. The mold is made in a new process, because the CAD kernel does not survive a fork. The
-physics runs in this process.
+Mold, physics and drawings run in parallel. The mold is made in a new process, because the CAD kernel does not survive a
+fork; the plots are drawn in another. The physics runs in this process.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from optopad.bundle_parts import ANSWER, answer_part, checks_of, mold_part, scored, write_pages
+from optopad.bundle_parts import ANSWER, answer_part, checks_of, contact_part, mold_part, scored, write_pages
 from optopad.cli.verb import Asked, verb
 from optopad.design.errors import InputError, OutputError
 from optopad.design.io import save_design, write_text_atomically
@@ -117,21 +117,36 @@ def _made(
 ) -> Bundle:
     """The bundle; `on_start` is called before the verdict is computed."""
     require_valid(design)
-    final, mold, answer = out / bundle_name(design), mold_part(design), answer_part(design, seed, fine=fine)
-    kept = [] if force else [part for part in (mold, answer) if current_files(final, part)]
+    final = out / bundle_name(design)
+    parts = mold, contact, _ = (
+        mold_part(design),
+        contact_part(design, fine=fine),
+        answer_part(design, seed, fine=fine),
+    )
+    kept = [[] if force else current_files(final, part) for part in parts]
+    has_mold, plots, has_answer = bool(kept[0]), kept[1], bool(kept[1] and kept[2])
     altered = _altered(final)
     found: ContinuityScore | None = None
-    if len(kept) < 2 or "design.toml" in altered:
-        with bundle(design, out, seed=seed, parts=(mold, answer)) as folder:
-            has_mold = mold in kept or (not force and _copied_mold(design, mold, folder, out))
+    if not all(kept) or "design.toml" in altered:
+        with bundle(design, out, seed=seed, parts=parts) as folder:
+            if not force:
+                has_mold = has_mold or _copied_mold(design, mold, folder, out)
+                plots = plots or copy_part(contact, folder, out, design.name)
             with (
                 nullcontext() if has_mold else _mold_beside(design, folder) as process,
-                nullcontext() if answer in kept else beside("optopad.report") as drawer,
+                nullcontext() if has_answer else beside("optopad.report") as drawer,
             ):
                 if drawer is not None:
                     on_start()
-                    found, early = scored(
-                        design, folder, drawer, fine=fine, seed=seed, on_step=on_step, with_page=True
+                    found, drawn = scored(
+                        design,
+                        folder,
+                        drawer,
+                        fine=fine,
+                        seed=seed,
+                        on_step=on_step,
+                        with_page=True,
+                        done=plots,
                     )
                 if process is not None:
                     on_step("mold beside", 0.0)
@@ -139,9 +154,9 @@ def _made(
                     on_step("mold beside", 1.0)
                 if found is not None and drawer is not None:
                     on_step("files", 0.0)
-                    write_pages(design, folder, found, seed, drawer, early())
+                    write_pages(design, folder, found, seed, drawer, drawn())
                     on_step("files", 1.0)
-    fresh = [part for part in (mold, answer) if part not in kept]
+    fresh = [part for part, files in zip(parts, kept, strict=True) if not files]
     made = {"design.toml"}.union(*(current_files(final, part) for part in fresh))
     return Bundle(
         design=design,
@@ -150,7 +165,7 @@ def _made(
         found=found,
         fine=fine,
         seed=seed,
-        is_current=len(kept) == 2,
+        is_current=all(kept),
         mended=tuple(name for name in altered if name in made),
     )
 

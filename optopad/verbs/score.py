@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from optopad.bundle_parts import ANSWER, answer_part, scored, write_pages
+from optopad.bundle_parts import ANSWER, answer_part, contact_part, scored, write_pages
 from optopad.cli.verb import Asked, verb
 from optopad.design.errors import InputError
 from optopad.design.pad import Pad
 from optopad.design.progress import OnStep
 from optopad.design.spec import SensorDesign
-from optopad.fabrication.bundle import bundle, bundle_name
+from optopad.fabrication.bundle import bundle, bundle_name, current_files
 from optopad.screen.answer import Answer, labelled, learner_words
 from optopad.screen.output import Told, foretell_score
 from optopad.screen.score import Score
@@ -105,10 +105,14 @@ def _written(
     """Write verdict, map and the map's signals into the bundle; the score and the bundle's folder."""
     design, name = pad.design, bundle_name(pad.design)
     has_page = (out / name / "report.html").exists()  # a bundle has one verdict: its page is made anew
-    part = answer_part(design, seed, fine=fine, full=full, builds=builds, has_page=has_page)
+    contact = contact_part(design, fine=fine, full=full)
+    answer = answer_part(design, seed, fine=fine, full=full, builds=builds, has_page=has_page)
     memo = None if builds is None else FinishedWork(out, f"{name}.builds", [design.digest, seed])
-    with bundle(design, out, seed=seed, parts=(part,)) as folder, beside("optopad.report") as drawer:
-        score, early = scored(
+    with (
+        bundle(design, out, seed=seed, parts=(contact, answer)) as folder,
+        beside("optopad.report") as drawer,
+    ):
+        score, drawn = scored(
             design,
             folder,
             drawer,
@@ -117,10 +121,11 @@ def _written(
             seed=seed,
             on_step=on_step,
             with_page=has_page,
+            done=current_files(folder, contact),
             builds=builds,
             memo=memo,
         )
-        drawings = early()
+        drawings = drawn()
         if has_page:
             write_pages(design, folder, score, seed, drawer, drawings)
     if memo is not None:

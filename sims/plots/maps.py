@@ -216,6 +216,7 @@ def draw_map(
                 "va": "center",
                 "fontsize": letters,
                 "color": _ink_on(ground),
+                "in_layout": False,  # within the cell, so the layout need not measure it
             }
             box = {"facecolor": ground, "linewidth": 0, "pad": 0.6} if is_large else None
             ax.text(lines[0][column], lines[1][row], _number(float(value)), bbox=box, **look)

@@ -11,6 +11,7 @@ resolved again deeper. If depth is not resolved again, the usable depth ends the
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -54,6 +55,7 @@ def score(
     seed: int = 0,
     verdict_only: bool = False,
     tolerance: bool = True,
+    on_judged: Callable[[ContinuityScore], None] | None = None,
     on_step: OnStep | None = None,
 ) -> ContinuityScore:
     """Verdict on a design, with all results that it follows from.
@@ -68,6 +70,8 @@ def score(
         the map of facing rows
     tolerance : whether to add tolerance, sensitivity and a trial of changes that would help (`with_tolerance`,
         `with_field_steps`, `with_trial`)
+    on_judged : called with the verdict, the map, the bounds and the pairs, before the errors of the pairs' figures and
+        all that follows are computed
     on_step : called with the name of the running stage and the share of it that is done, 0 to 1
 
     Raises
@@ -78,7 +82,10 @@ def score(
     judge = Judge(pad, settings_of(fine=fine, full=full), seed=seed, on_step=on_step)
     base = _base_of(pad, seed=seed, fine=fine, full=full)
     try:
-        found = _scored(judge, pad, base, verdict_only=verdict_only)
+        found = _judged(judge, base, verdict_only=verdict_only)
+        if on_judged is not None:
+            on_judged(found)
+        found = _with_figures(judge, pad, found)
     except ModelScopeError as err:
         left = tuple(str(one) for one in pad.findings if one.weight < OUT_OF_SCOPE)
         return replace(base, reason=str(err), warnings=left)
@@ -145,22 +152,25 @@ def _with_verdict(judge: Judge, base: ContinuityScore) -> ContinuityScore:
     )
 
 
-def _scored(judge: Judge, pad: Pad, base: ContinuityScore, *, verdict_only: bool) -> ContinuityScore:
-    """A score with the results of all stages before tolerance, in the order of the progress lines."""
-    facing = judge.is_facing
-    _ = judge.force
-    judged, drawn = _with_errors(judge)
-    has_map = not (facing and verdict_only)
-    found = _with_verdict(judge, base)
-    if has_map:
+def _judged(judge: Judge, base: ContinuityScore, *, verdict_only: bool) -> ContinuityScore:
+    """A score with the results of the judge's stages, in the order of the progress lines."""
+    _, pairs = judge.force, judge.pairs
+    found = replace(_with_verdict(judge, base), governing=judge.governing.name, pairs=pairs)
+    if not (judge.is_facing and verdict_only):
         found = replace(found, pad_map=judge.pad_map, pad_signals=judge.pad_signals)
-    governing = next(pair for pair in judged if pair.name == judge.governing.name)
+    return found if verdict_only else replace(found, bounds=judge.bounds)
+
+
+def _with_figures(judge: Judge, pad: Pad, found: ContinuityScore) -> ContinuityScore:
+    """A score with its figures, with the loads and errors of its pairs, and with warnings."""
+    facing = judge.is_facing
+    judged, drawn = _with_errors(judge)
+    governing = next(pair for pair in judged if pair.name == found.governing)
     shown = [k for k, pair in enumerate(judged) if not facing or pair is governing]
     worst = max(judged, key=lambda pair: pair.score.deadband_total_mm)
     headline = _headline(judged, governing, facing)
     return replace(
         found,
-        governing=governing.name,
         worst_pair_mm=worst.score.deadband_total_mm,
         worst_pair=worst.name,
         mode_gap_mm=headline.gap_mm,
@@ -171,8 +181,7 @@ def _scored(judge: Judge, pad: Pad, base: ContinuityScore, *, verdict_only: bool
         pairs=judged,
         unjudged=_unjudged(judge.cavity, judge.untouched, judge.readout),
         clipped=tuple(pair.name for pair in judged if pair.score.is_clipped),
-        bounds=None if verdict_only else judge.bounds,
-        warnings=_warnings(judge, pad, judged, found.pad_map, fine=base.fine),
+        warnings=_warnings(judge, pad, judged, found.pad_map, fine=found.fine),
     )
 
 

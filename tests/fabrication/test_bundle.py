@@ -22,7 +22,16 @@ from optopad.design.io import load_design
 from optopad.design.preset import preset
 from optopad.design.spec import SensorDesign
 from optopad.fabrication import bundle as module
-from optopad.fabrication.bundle import MANIFEST, altered_files, bundle, bundle_name, with_other_line_ends
+from optopad.fabrication.bundle import (
+    MANIFEST,
+    Part,
+    altered_files,
+    bundle,
+    bundle_name,
+    copy_part,
+    current_files,
+    with_other_line_ends,
+)
 
 PAD = preset("piacenza2017-pad")
 ROOT = Path(__file__).parents[2]
@@ -325,6 +334,25 @@ def test_a_second_command_keeps_what_the_first_one_made(tmp_path: Path) -> None:
     assert (folder / "sims" / "score.json").read_text() == "first"
     assert (folder / "second.txt").read_text() == "second"
     assert altered_files(folder) == ()
+
+
+def test_a_part_of_single_files_has_inputs_of_its_own_and_is_copied_to_another_bundle(tmp_path: Path) -> None:
+    shape, rest = Part({"shape": 1}, ("sims/plot-a.svg",)), Part({"gain": 1}, ("sims/",))
+    with bundle(PAD, tmp_path, seed=0, parts=(shape, rest)) as folder:
+        (folder / "sims").mkdir()
+        for name in ("plot-a.svg", "plot-b.svg"):
+            (folder / "sims" / name).write_text(name)
+    first = tmp_path / bundle_name(PAD)
+    assert current_files(first, shape) == ["sims/plot-a.svg"]
+    assert current_files(first, rest) == ["sims/plot-b.svg"]
+    other = Part({"gain": 2}, ("sims/",))
+    with bundle(PAD.with_(**{"gain.target_counts": 301.0}), tmp_path, seed=0, parts=(shape, other)) as folder:
+        assert copy_part(shape, folder, tmp_path, PAD.name) == ["sims/plot-a.svg"]
+        assert copy_part(other, folder, tmp_path, PAD.name) == []
+        assert copy_part(Part({"shape": 2}, shape.folders), folder, tmp_path, PAD.name) == []
+        assert (folder / "sims" / "plot-a.svg").read_text() == "plot-a.svg"
+    (first / "sims" / "plot-a.svg").write_text("edited")
+    assert current_files(first, shape) == []
 
 
 OTHER = """

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 from markupsafe import Markup, escape
@@ -132,6 +134,10 @@ def shown_pairs(score: ContinuityScore) -> list[tuple[JudgedPair, str]]:
     return [(by_name[name], ", ".join(as_what)) for name, as_what in found.items()]
 
 
+Plots = dict[str, tuple["Callable[[], Axes | None]", str]]
+"""By name, a function that draws a plot, and a sentence about its content."""
+
+
 def drawings_of(
     design: SensorDesign, score: ContinuityScore, maps: MapScene | None = None
 ) -> dict[str, Drawing]:
@@ -145,53 +151,61 @@ def drawings_of(
 
 
 def drawings_without_tolerance(
-    design: SensorDesign, score: ContinuityScore, maps: MapScene | None
+    design: SensorDesign, score: ContinuityScore, maps: MapScene | None, done: Mapping[str, str] | None = None
 ) -> dict[str, Drawing]:
-    """The plots of `drawings_of` that can be drawn before the tolerance is computed."""
-    with plain_style():
-        return _all_drawn(
-            {
-                "layout": (
-                    plot_layout(design),
-                    f"Layout of {design.name} with its dimensions in millimetres",
-                ),
-                **_cause_plots(design, score),
-                **_pair_plots(score),
-                **_map_plots(design, score),
-                **_depth_plots(maps),
-                **_press_plots(design, score),
-            }
-        )
+    """The plots of `drawings_of` that can be drawn before the tolerance is computed.
+
+    Parameters
+    ----------
+    done : SVG texts of plots that are there already, by name
+    """
+    plots: Plots = {
+        "layout": (
+            lambda: plot_layout(design),
+            f"Layout of {design.name} with its dimensions in millimetres",
+        ),
+        **_cause_plots(design, score),
+        **_pair_plots(score),
+        **_map_plots(design, score),
+        **_depth_plots(maps),
+        **_press_plots(design, score),
+    }
+    return _all_drawn(plots, done or {})
 
 
 def tolerance_drawings(score: ContinuityScore) -> dict[str, Drawing]:
     """The plots of `drawings_of` that show a score's tolerance, manufactured units and field steps."""
+    return _all_drawn({**_tolerance_plots(score), **_build_plots(score), **_step_plots(score)}, {})
+
+
+def _all_drawn(plots: Plots, done: Mapping[str, str]) -> dict[str, Drawing]:
     with plain_style():
-        return _all_drawn({**_tolerance_plots(score), **_build_plots(score), **_step_plots(score)})
+        return {
+            name: Drawing(stem=PREFIX + name, shows=shows, svg=done[name])
+            if name in done
+            else drawn(name, plot(), shows)
+            for name, (plot, shows) in plots.items()
+        }
 
 
-def _all_drawn(plots: dict[str, tuple[Axes, str]]) -> dict[str, Drawing]:
-    return {name: drawn(name, *plot) for name, plot in plots.items()}
-
-
-def drawn(name: str, axes: Axes, shows: str) -> Drawing:
+def drawn(name: str, axes: Axes | None, shows: str) -> Drawing:
     """Convert a plot to SVG text; must be called inside `plain_style`."""
-    figure = axes.get_figure(root=True)
+    figure = None if axes is None else axes.get_figure(root=True)
     assert figure is not None
     return Drawing(stem=PREFIX + name, shows=shows, svg=svg_text(figure, name))
 
 
-def _pair_plots(score: ContinuityScore) -> dict[str, tuple[Axes, str]]:
-    found = {
+def _pair_plots(score: ContinuityScore) -> Plots:
+    found: Plots = {
         f"signal-{pair.name}": (
-            plot_signal(pair),
+            partial(plot_signal, pair),
             f"Signal of {pair.name} against depth by path; deadband {spans(pair.score.deadbands_mm)}",
         )
         for pair, _ in shown_pairs(score)
     }
     if score.pairs:
         found["pairs"] = (
-            plot_spans(score.pairs),
+            partial(plot_spans, score.pairs),
             f"Depths of mode 1, mode 2 and deadbands of {len(score.pairs)} judged pairs",
         )
     return found
@@ -205,100 +219,116 @@ def shown_causes(score: ContinuityScore) -> list[Cause]:
     return list(found.values())[:MOST_CAUSES]
 
 
-def _cause_plots(design: SensorDesign, score: ContinuityScore) -> dict[str, tuple[Axes, str]]:
-    found = {}
+def _cause_plots(design: SensorDesign, score: ContinuityScore) -> Plots:
+    found: Plots = {}
     for number, cause in enumerate(shown_causes(score), 1):
-        axes = plot_cause(design, cause)
-        if axes is not None and cause.typical is not None:
+        if cause.typical is not None:
             shows = f"Section through {cause.typical.pair} under the press, with its remaining light"
-            found[f"cause-{number}"] = axes, shows
+            found[f"cause-{number}"] = partial(plot_cause, design, cause), shows
     return found
 
 
-def _map_plots(design: SensorDesign, score: ContinuityScore) -> dict[str, tuple[Axes, str]]:
+def _map_plots(design: SensorDesign, score: ContinuityScore) -> Plots:
     if score.pad_map is None:
         return {}
     cavity = cavity_of(design)
-    found = {
+    found: Plots = {
         "map-margin": (
-            plot_margin_map(score.pad_map, cavity),
+            partial(plot_margin_map, score.pad_map, cavity),
             "Map of the margin to a deadband over the pad",
         )
     }
     if score.pad_map.dead_share > 0:
-        found["map-deadband"] = (plot_deadband_map(score.pad_map, cavity), "Map of the deadband over the pad")
+        found["map-deadband"] = (
+            partial(plot_deadband_map, score.pad_map, cavity),
+            "Map of the deadband over the pad",
+        )
     if score.pad_map.usable_depth_mm < design.operating.max_depth_mm:
-        found["map-usable"] = (plot_usable_map(score.pad_map, cavity), "Map of the usable depth over the pad")
+        found["map-usable"] = (
+            partial(plot_usable_map, score.pad_map, cavity),
+            "Map of the usable depth over the pad",
+        )
     return found
 
 
-def _depth_plots(maps: MapScene | None) -> dict[str, tuple[Axes, str]]:
+def _depth_plots(maps: MapScene | None) -> Plots:
     """Plots of all maps by depth; the map of dead zones is left out if there are none."""
     if maps is None:
         return {}
     told = [one for one in maps.maps if not one.names or one.is_hatched.any()]
     return {
-        f"map-by-depth-{one.key}": (plot_by_depth(maps, one), f"{one.title} over the pad at several depths")
+        f"map-by-depth-{one.key}": (
+            partial(plot_by_depth, maps, one),
+            f"{one.title} over the pad at several depths",
+        )
         for one in told
     }
 
 
-def _press_plots(design: SensorDesign, score: ContinuityScore) -> dict[str, tuple[Axes, str]]:
+def _press_plots(design: SensorDesign, score: ContinuityScore) -> Plots:
     if score.force is None:
         return {}
     stated = published_load(design)
     measured = [stated.point] if stated else []
-    found = {
-        "force": (plot_force(score.force, modulus(design), measured=measured), "Load against depth"),
-        "contact-radius": (plot_contact_radius(score.force), "Contact radius against depth"),
+    found: Plots = {
+        "force": (
+            partial(plot_force, score.force, modulus(design), measured=measured),
+            "Load against depth",
+        ),
+        "contact-radius": (partial(plot_contact_radius, score.force), "Contact radius against depth"),
     }
     if stated is not None:
-        near = plot_force_near(score.force, modulus(design), stated.point)
+        near = partial(plot_force_near, score.force, modulus(design), stated.point)
         found["force-near"] = (near, "Load against depth around the published point")
     return found | _protocol_plots(design, score.force)
 
 
-def _protocol_plots(design: SensorDesign, force: ForceCurve) -> dict[str, tuple[Axes, str]]:
+def _protocol_plots(design: SensorDesign, force: ForceCurve) -> Plots:
     """Plot of the paper's load protocol, if the design's load relaxes and its deepest press is deep enough."""
     solid, protocol = solid_of(design), load_protocol(PROTOCOL)
     if solid is None or protocol.deepest_mm.value > force.depth_mm[-1]:
         return {}
     history = load_history(protocol, lambda depth_mm: force.at(depth_mm)[0], solid)
     return {
-        "load-protocol": (plot_load_protocol(history), "Load against depth over the load protocol"),
-        "load-time": (plot_load_over_time(history), "Load against time over the load protocol"),
+        "load-protocol": (partial(plot_load_protocol, history), "Load against depth over the load protocol"),
+        "load-time": (partial(plot_load_over_time, history), "Load against time over the load protocol"),
     }
 
 
-def _tolerance_plots(score: ContinuityScore) -> dict[str, tuple[Axes, str]]:
+def _tolerance_plots(score: ContinuityScore) -> Plots:
     band = score.tolerance
     if band is None or not band.rows:
         return {}
     ends = f"of {band.judged} at both ends of every unmeasured parameter"
-    found = {"tolerance-deadband": (plot_tolerance(band), f"Deadband {ends}")}
+    found: Plots = {"tolerance-deadband": (partial(plot_tolerance, band), f"Deadband {ends}")}
     if any(gap is not None for row in band.rows for gap in row.gap_mm):
-        found["tolerance-gap"] = (plot_gap_tolerance(band), f"Mode gap {ends}")
-    found["tolerance-margin"] = (plot_margin_tolerance(band), f"Margin to a deadband {ends}")
+        found["tolerance-gap"] = (partial(plot_gap_tolerance, band), f"Mode gap {ends}")
+    found["tolerance-margin"] = (partial(plot_margin_tolerance, band), f"Margin to a deadband {ends}")
     return found
 
 
-def _build_plots(score: ContinuityScore) -> dict[str, tuple[Axes, str]]:
+def _build_plots(score: ContinuityScore) -> Plots:
     if score.builds is None or score.tolerance is None:
         return {}
-    figure = plot_builds(score.builds, score.tolerance)
+    builds, band = score.builds, score.tolerance
     return {
         "builds": (
-            figure.axes[0],
+            lambda: plot_builds(builds, band).axes[0],
             "Each value alone at both ends, and its rank correlation over the manufactured units",
         )
     }
 
 
-def _step_plots(score: ContinuityScore) -> dict[str, tuple[Axes, str]]:
+def _step_plots(score: ContinuityScore) -> Plots:
     if score.steps is None or not score.steps.rows:
         return {}
-    figure = plot_field_steps(score.steps, unit_of)
-    return {"field-steps": (figure.axes[0], f"Effect of a step of each parameter, by {score.steps.judged}")}
+    steps = score.steps
+    return {
+        "field-steps": (
+            lambda: plot_field_steps(steps, unit_of).axes[0],
+            f"Effect of a step of each parameter, by {steps.judged}",
+        )
+    }
 
 
 def _themed(svg: str) -> str:

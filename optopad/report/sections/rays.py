@@ -23,19 +23,21 @@ THIN = 2
 """The printed picture shows every n-th path, with this n, to keep the files small."""
 
 
-def rays_section(scene: RayScene | str | None, mold: dict[str, Any] | None = None) -> Markup:
+def rays_section(
+    scene: RayScene | str | None, mold: dict[str, Any] | None = None, sheet: Drawing | None = None
+) -> Markup:
     """The section with view, controls, printed picture, table and data; or the reason why there is no view.
 
     Parameters
     ----------
     mold : result of `optopad.report.scenes.mold_scene`; if None, the pad is shown without a mold
+    sheet : result of `sheet_of`; if None, it is drawn now
     """
     if scene is None:
         return Markup()
     if isinstance(scene, str):
         return part("rays", refusal=scene)
-    nearest = min(scene.pairs, key=lambda pair: beside_chord(scene.cavity, pair, scene.place_mm)[0])
-    cut, kinds = cut_of_pair(scene.cavity, nearest), [kind for kind in scene.kinds if kind is not LOST]
+    kinds = [kind for kind in scene.kinds if kind is not LOST]
     shares = [[scene.share(number, kind) for kind in kinds] for number in range(len(scene.labels))]
     return part(
         "rays",
@@ -43,8 +45,8 @@ def rays_section(scene: RayScene | str | None, mold: dict[str, Any] | None = Non
         scene=scene,
         mold=mold,
         lost=LOST,
-        sheet=_sheet(scene, cut),
-        cut=cut,
+        sheet=sheet or sheet_of(scene),
+        cut=_cut(scene),
         kinds=kinds,
         shares=[
             (label, [*row, sum(share or 0.0 for share in row)])
@@ -55,11 +57,17 @@ def rays_section(scene: RayScene | str | None, mold: dict[str, Any] | None = Non
     )
 
 
-def _sheet(scene: RayScene, cut: Cut) -> Drawing:
+def _cut(scene: RayScene) -> Cut:
+    """The cross-section through the pair nearest to the presses."""
+    nearest = min(scene.pairs, key=lambda pair: beside_chord(scene.cavity, pair, scene.place_mm)[0])
+    return cut_of_pair(scene.cavity, nearest)
+
+
+def sheet_of(scene: RayScene) -> Drawing:
     """Cross-section and plan of the pad, untouched and under the middle press, for print and pages without scripts."""
     chosen = [scene.states[number] for number in sorted({0, len(scene.states) // 2})]
     states = [replace(one, paths=one.paths[::THIN], lost=one.lost[::THIN]) for one in chosen]
     title = f"{scene.design.name}: light of {', '.join(scene.pair_names)}"
     with plain_style():
-        sheet = ray_sheet(states, scene.design, cut, title=title, caption="", is_of_untouched=True)
+        sheet = ray_sheet(states, scene.design, _cut(scene), title=title, caption="", is_of_untouched=True)
         return drawn("rays", sheet.axes[0], "Sections and plans of the pad with sample paths of light")

@@ -3,19 +3,22 @@
 import hashlib
 import json
 import shutil
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
 import trimesh
 import xarray as xr
 
-from optopad.bundle_parts import answer_part
+from optopad.bundle_parts import CONTACT_PLOTS, answer_part
 from optopad.cli import main
 from optopad.design.errors import OutputError
 from optopad.design.io import load_design
 from optopad.design.preset import preset
 from optopad.fabrication.bundle import altered_files, bundle_name, current_files
 from optopad.fabrication.driver_file import load_driver_config
+from optopad.report.page import write_report
+from optopad.report.sections.early import draw_tolerance, write_early
 from optopad.verbs.run import run
 from tests.sims.made_up_scores import contiguous_score
 
@@ -45,6 +48,7 @@ BUNDLE_FILES = {
     "fabrication/firmware/optopad/config.h",
 }
 
+PLOTS = {f"sims/plot-{name}.svg" for name in CONTACT_PLOTS}
 OF_THE_LIGHT = {"sims/signals.nc", "sims/maps.nc", "sims/bounds-location.png"}
 """Files of a bundle that need light which was traced, and bounds."""
 
@@ -64,11 +68,24 @@ def folder(out) -> Path:
     return run(DESIGN, out=out, seed=0).folder
 
 
+class Here:
+    """In place of another process, with functions that tests have patched."""
+
+    def begin(self, function: str, *arguments, **settings):
+        if function == "prepare":
+            return None
+        functions = {one.__name__: one for one in (write_early, draw_tolerance, write_report)}
+        made = functions[function](*arguments, **settings)
+        return lambda: made
+
+
 def make_up_physics(patch: pytest.MonkeyPatch) -> None:
     """Replace the score by a made-up one, and leave out the pictures."""
     patch.setattr("optopad.sims.score.scoring.score", lambda design, **_: contiguous_score(design))
     for also in ("build_tolerance.with_tolerance", "field_steps.with_field_steps", "trials.with_trial"):
         patch.setattr(f"optopad.sims.score.{also}", lambda _design, found, **_: found)
+    for verb in ("run", "score"):
+        patch.setattr(f"optopad.verbs.{verb}.beside", lambda _module: nullcontext(Here()))
     patch.setattr("optopad.report.sections.early.ray_scene", lambda *_, **__: "no picture in this test")
     patch.setattr("optopad.report.sections.drawings.svg_text", lambda *_: '<svg viewBox="0 0 1 1"></svg>')
 
@@ -181,6 +198,59 @@ def test_electronics_and_gain_take_the_mold_of_the_bundle_before(quick, tmp_path
     assert altered_files(made.folder) == ()
 
 
+def drawn_again(patch: pytest.MonkeyPatch) -> set[str]:
+    """The names of the plots that are drawn from now on, each as another picture than before."""
+    names: set[str] = set()
+
+    def svg(_figure, name):
+        names.add(f"sims/plot-{name}.svg")
+        return '<svg viewBox="0 0 2 2"></svg>'
+
+    patch.setattr("optopad.report.sections.drawings.svg_text", svg)
+    return names
+
+
+@pytest.mark.parametrize(
+    ("changes", "is_taken"),
+    [
+        ({"gain.target_counts": 301.0}, True),
+        ({"board.kind": "teensy-41", "noise.read_noise_counts": 0.4}, True),
+        ({"surfaces.wall_reflectance": 0.06}, False),
+        ({"measured": ["emitters.height_mm"]}, False),
+    ],
+)
+def test_plots_of_the_contact_are_taken_from_a_bundle_of_other_electronics_and_others_are_drawn(
+    quick, tmp_path, changes, is_taken
+):
+    changed, out = DESIGN.with_(**changes), tmp_path / "out"
+    shutil.copytree(quick.parent, out)
+    there = PLOTS & names_in(quick)
+    assert {"sims/plot-layout.svg", "sims/plot-force.svg", "sims/plot-contact-radius.svg"} <= there
+    with pytest.MonkeyPatch.context() as patch:
+        make_up_physics(patch)
+        names = drawn_again(patch)
+        made = run(changed, out=out)
+    plots = {name for name in names_in(made.folder) if name.startswith("sims/plot-")}
+    assert names == (plots - there if is_taken else plots)
+    assert altered_files(made.folder) == ()
+    for name in there:
+        is_same = (made.folder / name).read_bytes() == (quick / name).read_bytes()
+        assert is_same == is_taken, name
+
+
+def test_a_plot_that_was_edited_is_not_taken_and_is_drawn_again(quick, tmp_path):
+    out, changed = tmp_path / "out", DESIGN.with_(**{"gain.target_counts": 301.0})
+    made = again(quick, out)
+    edited = made.folder / "sims" / "plot-layout.svg"
+    edited.write_text("<svg>edited</svg>", encoding="utf-8")
+    other = again(quick, out, changed)
+    assert (other.folder / "sims" / "plot-layout.svg").read_bytes() == (
+        quick / "sims" / "plot-layout.svg"
+    ).read_bytes()
+    assert again(quick, out).mended == ("sims/plot-layout.svg",)
+    assert digests_in(made.folder) == digests_in(quick)
+
+
 def test_another_seed_is_made_anew(quick, tmp_path):
     assert not again(quick, tmp_path / "out", seed=1).is_current
     assert again(quick, tmp_path / "out", seed=1).is_current
@@ -219,8 +289,12 @@ def test_every_file_states_what_it_was_made_from(quick):
     for name, record in manifest["files"].items():
         inputs = manifest["inputs"][record["made_from"]]
         assert name in inputs["files"], name
-        key, digest = ("mold", DESIGN.mold_digest) if name.startswith("cad/") else ("design", DESIGN.digest)
-        assert inputs[key] == digest, name
+        if name.startswith("cad/"):
+            assert inputs["mold"] == DESIGN.mold_digest, name
+        elif name in PLOTS:
+            assert inputs["surface"] == DESIGN.surface_digest, name
+        else:
+            assert inputs["design"] == DESIGN.digest, name
 
 
 def test_the_screen_of_a_run_that_made_nothing_is_that_of_the_run_before(
