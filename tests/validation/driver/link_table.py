@@ -88,7 +88,7 @@ Back after unplugging: {median:.2f} s in the median, at most {back:.2f} s.
 - A real Arduino resets when its port is opened, and its boot loader takes a second or two before the firmware runs.
   That time comes on top, and nothing on the host can shorten it.
 - Sequence numbers and device time hold for 24 hours at 400 Hz, across the wrap of both counters
-  (`pytest tests/fabrication/driver/test_counters.py`).
+  (`pytest tests/fabrication/driver/test_protocol.py`).
 
 ## Made by
 
