@@ -41,8 +41,8 @@ from optopad.fabrication.driver_file import (
     Units,
     WorkspaceLimits,
     content_sha256,
+    plain_of,
 )
-from optopad.fabrication.record import plain_of
 from optopad.fabrication.sketch import firmware_gaps, firmware_settings
 
 HEADING = (

@@ -6,7 +6,7 @@ A part that a bundle already has from the same inputs is not made again (`optopa
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,13 +15,12 @@ from optopad.design.parts.assumptions import Bed
 from optopad.design.progress import OnStep
 from optopad.design.spec import SensorDesign
 from optopad.fabrication.bundle import Part, program_digest
-from optopad.work import FinishedWork
+from optopad.work import FinishedWork, OtherProcess
 
 if TYPE_CHECKING:
     from optopad.fabrication.gain import SimulatedGain
     from optopad.fabrication.sheets.bom import BomRow
     from optopad.fabrication.sheets.prices import Price, PriceKey
-    from optopad.report.sections.early import EarlyDrawings
     from optopad.sims.score.result import ContinuityScore
 
 ANSWER = Path("sims", "answer.json")
@@ -75,6 +74,7 @@ def mold_mm3(checks: dict[str, Any]) -> float:
 def scored(
     design: SensorDesign,
     folder: Path,
+    drawer: OtherProcess,
     *,
     fine: bool,
     seed: int,
@@ -83,13 +83,15 @@ def scored(
     full: bool = False,
     builds: int | None = None,
     memo: FinishedWork | None = None,
-) -> tuple[ContinuityScore, EarlyDrawings | None]:
-    """Compute and write the score; draw the plots of the report page if `with_page`.
+) -> tuple[ContinuityScore, Callable[[], bytes | None]]:
+    """Compute and write the score.
 
-    Files that do not depend on the tolerances are written while the effect of tolerances is computed.
+    Meanwhile, the other process makes what does not depend on the tolerances: files, and drawings for `write_pages`.
 
     Parameters
     ----------
+    drawer : a process of `optopad.report`
+    with_page : whether to make these drawings
     builds : number of units in a Monte Carlo over manufacturing tolerances; None for none
     memo : store of its finished units
     """
@@ -99,56 +101,40 @@ def scored(
     from optopad.sims.score.field_steps import with_field_steps
     from optopad.sims.score.scoring import score as judge
     from optopad.sims.score.trials import with_trial
-    from optopad.work import beside
 
     sims = folder / "sims"
     sims.mkdir(exist_ok=True)
     for kind in ("svg", "png"):  # of an earlier score: a bundle has one verdict
         (sims / f"builds.{kind}").unlink(missing_ok=True)
     score = judge(design, fine=fine, full=full, seed=seed, tolerance=False, on_step=on_step)
-    with beside(lambda: _without_tolerance(design, score, sims, seed, with_page=with_page)) as drawn:
-        if builds is None:
-            found = with_tolerance(design, score, seed=seed, on_step=on_step)
-        else:
-            found = with_builds(design, score, builds=builds, seed=seed, memo=memo, on_step=on_step)
-        found = with_field_steps(design, found, seed=seed, on_step=on_step)
-        found = with_trial(design, found, seed=seed, on_step=on_step)
-        early = drawn()
-    _write_builds(found, sims)
+    early: Callable[[], bytes | None] = drawer.begin(
+        "write_early", design, score, sims, seed=seed, with_page=with_page
+    )
+    if builds is None:
+        found = with_tolerance(design, score, seed=seed, on_step=on_step)
+    else:
+        found = with_builds(design, score, builds=builds, seed=seed, memo=memo, on_step=on_step)
+    found = with_field_steps(design, found, seed=seed, on_step=on_step)
+    found = with_trial(design, found, seed=seed, on_step=on_step)
+    _write_plots(design, found, sims)
     write_text_atomically(sims / "score.json", json.dumps(found.to_json(), indent=2) + "\n")
     write_text_atomically(folder / ANSWER, answer_of(design, found, summary_words(design, found)).to_text())
     return found, early
 
 
-def _without_tolerance(
-    design: SensorDesign, score: ContinuityScore, sims: Path, seed: int, *, with_page: bool
-) -> EarlyDrawings | None:
-    from optopad.design.shape.cavity import cavity_of
-    from optopad.report.sections.early import early_drawings
-    from optopad.sims.plots.files import write_bound_plots
-    from optopad.sims.readings.readout import save_dataset, signals_dataset
-    from optopad.sims.score.maps_file import maps_dataset
-
-    if score.pad_signals is not None and score.readout is not None:
-        gain = score.readout.counts_per_flux
-        save_dataset(
-            signals_dataset(score.pad_signals, cavity_of(design), counts_per_flux=gain), sims / "signals.nc"
-        )
-        save_dataset(maps_dataset(design, score), sims / "maps.nc")
+def _write_plots(design: SensorDesign, score: ContinuityScore, sims: Path) -> None:
+    """Write the plots of the bounds and of the manufactured units, as far as the score has them."""
     if score.bounds is not None:
+        from optopad.sims.plots.files import write_bound_plots
+
         write_bound_plots(design, score.bounds, sims)
-    return early_drawings(design, score, seed=seed) if with_page else None
+    if score.builds is not None and score.tolerance is not None:
+        from optopad.sims.plots.builds import plot_builds
+        from optopad.sims.plots.files import write_plot
+        from optopad.sims.plots.style import plain_style
 
-
-def _write_builds(score: ContinuityScore, sims: Path) -> None:
-    if score.builds is None or score.tolerance is None:
-        return
-    from optopad.sims.plots.builds import plot_builds
-    from optopad.sims.plots.files import write_plot
-    from optopad.sims.plots.style import plain_style
-
-    with plain_style():
-        write_plot(plot_builds(score.builds, score.tolerance), sims / "builds")
+        with plain_style():
+            write_plot(plot_builds(score.builds, score.tolerance), sims / "builds")
 
 
 def simulated_gain(score: ContinuityScore) -> SimulatedGain | None:
@@ -187,11 +173,19 @@ def write_fabrication(
 
 
 def write_pages(
-    design: SensorDesign, folder: Path, score: ContinuityScore, seed: int, early: EarlyDrawings | None
+    design: SensorDesign,
+    folder: Path,
+    score: ContinuityScore,
+    seed: int,
+    drawer: OtherProcess,
+    early: bytes | None,
 ) -> None:
-    """Write what follows from a verdict and a mold: sheets, firmware, driver configuration, report."""
-    from optopad.report.page import write_report
+    """Write what follows from a verdict and a mold: sheets, firmware, driver configuration, report.
 
+    Parameters
+    ----------
+    drawer, early : process of `optopad.report`, and its drawings (`scored`)
+    """
     checks = checks_of(folder / "cad")
     write_fabrication(design, folder, simulated_gain(score), mold_mm3(checks))
-    write_report(design, folder, score, checks, seed=seed, early=early)
+    drawer.begin("write_report", design, folder, score, checks, seed=seed, early=early)()

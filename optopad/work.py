@@ -1,7 +1,7 @@
-"""Helpers for long computations: processes, a thread, loading of designs, and a store of finished parts.
+"""Helpers for long computations: processes, loading of designs, and a store of finished parts.
 
-Programs of this package are started as processes with this interpreter and its import path. Plots are drawn on a second
-thread while compiled code traces light.
+Programs of this package are started as processes with this interpreter and its import path. One of them draws plots
+while this one computes: on a thread, the two would hinder each other.
 
 Finished parts of long work are stored next to the bundle, so that an interrupted command continues from them. Each part
 is one line of JSON, appended and flushed as soon as the part is finished. A line that a power cut left incomplete is
@@ -15,13 +15,13 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import pickle
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 from weakref import WeakSet
 
 from optopad.design.errors import InputError
@@ -74,19 +74,70 @@ def end_started() -> None:
             process.wait()
 
 
-Made = TypeVar("Made")
+class OtherProcess:
+    """Another process of this program, which calls functions in the order in which it is asked to."""
+
+    def __init__(self, process: subprocess.Popen[str]) -> None:
+        self._process = process
+
+    def begin(self, function: str, *arguments: Any, **settings: Any) -> Callable[[], Any]:
+        """Begin a call of one of the functions that the process serves.
+
+        The returned function waits for the result and returns it, or raises the call's error. Results are requested in
+        the order of the calls.
+        """
+        assert self._process.stdin is not None
+        with suppress(BrokenPipeError):  # `_result` reports that the process has ended
+            pickle.dump((function, arguments, settings), self._process.stdin.buffer)
+            self._process.stdin.buffer.flush()
+        return self._result
+
+    def _result(self) -> Any:
+        assert self._process.stdout is not None
+        try:
+            made, failure = pickle.load(self._process.stdout.buffer)
+        except EOFError:
+            _, message = self._process.communicate()
+            raise RuntimeError(
+                f"a process ended with {self._process.returncode}: {message.strip()}"
+            ) from None
+        if failure is not None:
+            raise failure
+        return made
 
 
 @contextmanager
-def beside(work: Callable[[], Made]) -> Iterator[Callable[[], Made]]:
-    """Run `work` on another thread. The yielded function waits for the result and returns it, or raises the error.
+def beside(module: str) -> Iterator[OtherProcess]:
+    """`with` block with another process, which is killed at the end of the block.
 
-    The `with` block waits for the thread before it ends, and raises an error of `work` at the latest then.
+    Parameters
+    ----------
+    module : name of the process's main module, which calls `serve`
     """
-    with ThreadPoolExecutor(max_workers=1) as pool:
-        started = pool.submit(work)
-        yield started.result
-        started.result()
+    process = started(["-m", module], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    try:
+        yield OtherProcess(process)
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def serve(*functions: Callable[..., Any]) -> None:
+    """Call the functions that `OtherProcess.begin` names, until the process that asks for them ends."""
+    by_name = {function.__name__: function for function in functions}
+    requests, results = sys.stdin.buffer, os.fdopen(os.dup(sys.stdout.fileno()), "wb")
+    sys.stdout = sys.stderr  # what libraries print is not a result
+    while True:
+        try:
+            name, arguments, settings = pickle.load(requests)
+        except EOFError:
+            return
+        try:
+            outcome = by_name[name](*arguments, **settings), None
+        except Exception as err:  # all: the other process raises it
+            outcome = None, err
+        pickle.dump(outcome, results)
+        results.flush()
 
 
 def read_design(where: str, changes: Sequence[str] | None) -> SensorDesign:

@@ -20,7 +20,7 @@ from optopad.design.io import load_design
 from optopad.design.preset import PRESETS, preset
 from optopad.design.rules.check import notes, require_valid
 from optopad.screen.answer import checks_line
-from optopad.screen.verdict import verdict_screen
+from optopad.screen.verdict import answer_of
 from optopad.screen.verdict_sentences import cause_sentence
 from tests.design.bad_designs import BAD_DESIGNS, FILE_NAME, design_text, put
 from tests.design.parts import test_catalog
@@ -90,7 +90,7 @@ def _screens() -> Iterator[tuple[str, str]]:
     for design, score in SCORES:
         shown = replace(score, causes=(cause("apart"),)) if score.deadbands_mm else score
         for is_open in (False, True):
-            lines = verdict_screen(design, replace(shown, is_open=is_open), [], command="pad.toml")
+            lines = answer_of(design, replace(shown, is_open=is_open), "").lines([], command="pad.toml")
             yield f"screen: {design.name}, {score.verdict}{', undecided' * is_open}", "\n".join(lines)
     warned = [{"name": "mold: print bed", "state": "warning"}]
     broken = [*warned, {"name": "mold: volume", "state": "error"}]

@@ -14,12 +14,7 @@ from pydantic import ValidationError
 from optopad.design.errors import DesignError
 from optopad.design.fields.base import get_at, sheet_name_hint
 from optopad.design.fields.packaged import data_quantities, data_table
-from optopad.design.fields.quantity import (
-    NM_PER_UM,
-    Confidence,
-    Quantity,
-    lambertian_order,
-)
+from optopad.design.fields.quantity import NM_PER_UM, Confidence, Quantity, lambertian_order
 from optopad.design.once import once
 from optopad.design.parts import catalog
 from optopad.design.parts.catalog import CatalogEntries, Elastomer, Part

@@ -27,17 +27,17 @@ from optopad.design.errors import InputError
 from optopad.fabrication.driver.descriptor import Descriptor
 from optopad.fabrication.driver.link.frames import Frame
 from optopad.fabrication.driver.link.protocol import SelfTest
-from optopad.fabrication.driver.pattern import (
+from optopad.fabrication.driver.wiring_check import (
     CLIP_SHARE,
     FLOOR_COUNTS,
     SEEN_COUNTS,
     Pattern,
     Problem,
     emitter_text,
+    exchanged_wires,
     pattern_of,
     receiver_text,
 )
-from optopad.fabrication.driver.wiring_check import exchanged_wires
 
 DEAD_SHARE = 0.1
 """A part counts as dead if all its readings are below this fraction of the darkest part's largest expected reading

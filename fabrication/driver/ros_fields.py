@@ -14,28 +14,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from optopad.design.errors import InputError
-from optopad.fabrication.driver.recording.mcap_file import frame_message, sensor_message, stamp
+from optopad.fabrication.driver.recording.mcap_file import stamp
 
 if TYPE_CHECKING:
     from optopad.fabrication.driver.descriptor import Descriptor
     from optopad.fabrication.driver.link.frames import Frame
     from optopad.fabrication.driver.stream import LinkCounts
     from optopad.fabrication.driver.touch_reader import Touch
-
-__all__ = [
-    "NodeClock",
-    "diagnosis",
-    "filled",
-    "frame_message",
-    "marker",
-    "no_touch_marker",
-    "parameter",
-    "sensor_message",
-    "stamp",
-    "top_frame",
-    "touch_message",
-    "wrench_message",
-]
 
 M_PER_MM = 1e-3
 CUBE, SPHERE = 1, 2

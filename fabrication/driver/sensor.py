@@ -19,7 +19,6 @@ import math
 import os
 import time
 from collections.abc import Callable, Iterable, Iterator
-from types import TracebackType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -139,9 +138,7 @@ class Sensor:
             raise
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, err: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         self._open.end(is_clean=kind is None or not issubclass(kind, Exception))
 
     def __iter__(self) -> Iterator[Frame]:

@@ -25,11 +25,11 @@ from optopad.fabrication.driver.link.protocol import (
     Command,
     Hello,
     Kind,
+    Message,
     SelfTest,
     unpack_hello,
     unpack_self_test,
 )
-from optopad.fabrication.driver.link.scanner import Message
 from optopad.fabrication.driver.recording.recorder import Recorder
 
 LOOK_EVERY_S = 0.1

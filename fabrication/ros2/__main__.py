@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from optopad.design.errors import OptopadError
-from optopad.fabrication.ros2.workspace import write_packages
+from optopad.fabrication.ros2 import write_packages
 
 
 def main(arguments: list[str]) -> int:

@@ -18,7 +18,7 @@ from optopad.fabrication.sheets.bom import BomRow, bom_csv, bom_rows
 from optopad.fabrication.sheets.casting import casting_md
 from optopad.fabrication.sheets.orientation_svg import orientation_svg
 from optopad.fabrication.sheets.schematic_svg import schematic_svg
-from optopad.fabrication.sheets.table import Cell, csv_text
+from optopad.fabrication.sheets.template import Cell, csv_text
 from optopad.fabrication.sheets.wiring_svg import wiring_svg
 
 COLUMNS = (

@@ -40,7 +40,7 @@ from optopad.design.spec import SensorDesign
 from optopad.design.spec.properties import elastomer_of, entries_of
 from optopad.fabrication.gain import SimulatedGain, feedbacks_for
 from optopad.fabrication.sheets.silicone import MM3_PER_CM3, pours, silicone_g
-from optopad.fabrication.sheets.table import csv_text, number
+from optopad.fabrication.sheets.template import csv_text, number
 
 COLUMNS = (
     "item",
@@ -108,11 +108,9 @@ class BomRow:
     @property
     def price(self) -> float | None:
         """Price of all order units in the currency of the cost; None if one of them is not known."""
-        return (
-            None
-            if self.cost is None or self.order_quantity is None
-            else self.order_quantity * self.cost.value
-        )
+        if self.cost is None or self.order_quantity is None:
+            return None
+        return self.order_quantity * self.cost.value
 
 
 def bom_rows(
@@ -327,11 +325,7 @@ def _open_feedback_rows(circuit: Circuit, names: Sequence[str]) -> Iterator[BomR
     rule = f"so that the median judged pair reads {target:g} counts untouched, and none clips"
     for item, mark, note in (
         ("feedback resistor", "RF", f"{rule}; see casting.md, last section"),
-        (
-            "feedback capacitor",
-            "CF",
-            f"with RF it must settle within {settle_words(circuit)}",
-        ),
+        ("feedback capacitor", "CF", f"with RF it must settle within {settle_words(circuit)}"),
     ):
         yield BomRow(
             item=item, quantity=len(names), references=_marked(names, mark), value=SET_BY_GAIN, note=note
@@ -443,22 +437,14 @@ def _printed_rows(design: SensorDesign, mold_mm3: float | None) -> Iterator[BomR
     if mold_mm3 is not None:
         mold_g = mold_mm3 / MM3_PER_CM3 * material.density_g_per_cm3.value
         note += f"; {mold_g:.1f} g when printed solid"
-    yield BomRow(
-        item="printed mold",
-        catalogue_id=design.mold.material,
-        quantity=1,
-        value=material.title,
-        is_bought=False,
-        note=note,
-    )
-    for tool, file in _tools(design):
+    for name, files in [("mold", note), *((tool, f"cad/{file}.stl") for tool, file in _tools(design))]:
         yield BomRow(
-            item=f"printed {tool}",
+            item=f"printed {name}",
             catalogue_id=design.mold.material,
             quantity=1,
             value=material.title,
             is_bought=False,
-            note=f"cad/{file}.stl",
+            note=files,
         )
     if design.mold.pieces == "frame_and_base":
         yield _screw_row(design.mold.fixing_hole_diameter_mm, outline_of(design).height_mm)

@@ -13,7 +13,7 @@ The drawing agrees with the printed part: its numbers come from `optopad.design.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 from optopad.design.circuit.circuit import Circuit
 from optopad.design.mold.outline import MoldOutline, outline_of
@@ -23,7 +23,7 @@ from optopad.design.spec.properties import clearance_mm, fit_name
 from optopad.fabrication.connections import polarity_of
 from optopad.fabrication.sheets import svg
 from optopad.fabrication.sheets.svg import Element, Point
-from optopad.fabrication.sheets.table import number
+from optopad.fabrication.sheets.template import number
 from optopad.fabrication.sheets.wiring_svg import EMITTER_COLOUR, RECEIVER_COLOUR
 
 SCALE = 16.0
@@ -115,8 +115,7 @@ def _section(design: SensorDesign, outline: MoldOutline, socket: Socket, corner:
     return drawing
 
 
-def _ways_of_leads(socket: Socket, block: object) -> Iterator[Element]:
-    assert callable(block)
+def _ways_of_leads(socket: Socket, block: Callable[..., Element]) -> Iterator[Element]:
     if socket.channel is not None:
         cut: Cut = socket.channel
         yield block(cut.out0, cut.out1, cut.floor, cut.top, BODY)
@@ -137,8 +136,7 @@ def _ways_of_leads(socket: Socket, block: object) -> Iterator[Element]:
         assert slot.floor <= low
 
 
-def _dimension(at: object, height_mm: float) -> Iterator[Element]:
-    assert callable(at)
+def _dimension(at: Callable[[float, float], Point], height_mm: float) -> Iterator[Element]:
     foot, head = at(-5.0, 0.0), at(-5.0, height_mm)
     yield from svg.arrow(foot, head, INK)
     yield from svg.arrow(head, foot, INK)

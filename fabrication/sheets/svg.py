@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from xml.etree import ElementTree
 
-from optopad.fabrication.sheets.table import one_line
+from optopad.fabrication.sheets.template import one_line
 
 Element = ElementTree.Element
 Point = tuple[float, float]

@@ -27,7 +27,7 @@ from optopad.design.spec.pad import WALLS, Wall
 from optopad.fabrication.connections import Connection, connections_of, pin_words
 from optopad.fabrication.sheets import svg
 from optopad.fabrication.sheets.svg import Element, Point
-from optopad.fabrication.sheets.table import number, size_words
+from optopad.fabrication.sheets.template import number, size_words
 
 EMITTER_COLOUR = "#b34700"
 RECEIVER_COLOUR = "#00589e"

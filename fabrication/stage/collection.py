@@ -30,12 +30,19 @@ from optopad.design.plain_arrays import plain_arrays
 from optopad.design.recordings import SetEntry
 from optopad.fabrication.driver.link.frames import US_PER_S, Frame
 from optopad.fabrication.driver.recording.export import write_netcdf
-from optopad.fabrication.driver.recording.press_labels import PressLabels
-from optopad.fabrication.driver.recording.recorded import Recorded
+from optopad.fabrication.driver.recording.recorded import PressLabels, Recorded
 from optopad.fabrication.driver.sensor import Sensor
 from optopad.fabrication.driver_file import DriverConfig
-from optopad.fabrication.stage.stage import Position, PressList, Stage, StagePress
-from optopad.fabrication.stage.tip_path import NOWHERE, Knot, TracedStage, joined_path
+from optopad.fabrication.stage.stage import (
+    NOWHERE,
+    Knot,
+    Position,
+    PressList,
+    Stage,
+    StagePress,
+    TracedStage,
+    joined_path,
+)
 
 FORMAT, VERSION = "optopad-collection", 1
 PLAN = "plan.json"

@@ -18,13 +18,11 @@ import math
 import re
 import time
 from collections.abc import Callable
-from types import TracebackType
 from typing import TYPE_CHECKING
 
 from optopad.design.errors import DeviceError, InputError
 from optopad.fabrication.driver.link.ports import Port, PortLostError, on_standard_error
-from optopad.fabrication.stage.stage import Position, StageLimits
-from optopad.fabrication.stage.tip_path import NOWHERE, Knot, leg
+from optopad.fabrication.stage.stage import NOWHERE, Knot, Position, StageLimits, leg
 
 if TYPE_CHECKING:
     from typing_extensions import Self  # in typing from Python 3.11
@@ -300,9 +298,7 @@ class GcodeStage:
             raise
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, err: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, _kind: object, err: BaseException | None, _trace: object) -> None:
         try:
             if self._line.has_begun_anew:
                 self._lift_blindly()
@@ -393,7 +389,7 @@ class GcodeStage:
         return self._position()[0]
 
     def path(self) -> list[Knot]:
-        """Knots of the tip's path since the last call, see `tip_path.TracedStage.path`."""
+        """Knots of the tip's path since the last call, see `stage.TracedStage.path`."""
         found, self._knots = self._knots, []
         return [*found, (time.time(), *(self._at or NOWHERE))]
 

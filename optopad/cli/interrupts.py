@@ -26,8 +26,8 @@ import threading
 import time
 from contextlib import suppress
 from pathlib import Path
-from types import FrameType, TracebackType
-from typing import NoReturn, Protocol
+from types import FrameType
+from typing import NoReturn
 
 AGAIN_S = 0.01
 """Delay after which a lost Ctrl-C is sent again [s]: longer than a destructor runs, but not noticed by a person."""
@@ -54,21 +54,13 @@ _answered_s: list[float] = [-1.0]
 """Time of the last Ctrl-C that reached the main thread [s]; a list of one number."""
 
 
-class _Unraisable(Protocol):
-    exc_type: type[BaseException]
-    exc_value: BaseException | None
-    exc_traceback: TracebackType | None
-    err_msg: str | None
-    object: object
-
-
 def listen() -> None:
     """Install the handlers of Ctrl-C and `kill`, unless Ctrl-C is ignored or the system has no timers."""
     if signal.getsignal(signal.SIGINT) is not signal.default_int_handler or not hasattr(signal, "setitimer"):
         return
     former = sys.unraisablehook
 
-    def hook(dropped: _Unraisable) -> None:
+    def hook(dropped: sys.UnraisableHookArgs) -> None:
         if issubclass(dropped.exc_type, KeyboardInterrupt):
             _send_again()
         else:

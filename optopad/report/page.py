@@ -8,6 +8,7 @@ Equal designs, scores, checks and files give the same page, byte for byte.
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -91,7 +92,7 @@ def write_report(
     checks: dict[str, Any],
     *,
     seed: int,
-    early: EarlyDrawings | None = None,
+    early: bytes | None = None,
 ) -> Path:
     """Write ``report.html`` and ``sims/plot-*.svg`` into a bundle; returns the page's path.
 
@@ -99,10 +100,10 @@ def write_report(
     ----------
     folder : the bundle, with the files that the page shows and links to
     checks : the mold's checks, as in ``cad/checks.json``
-    early : drawings of this score if they exist already; if None, they are made now
+    early : early drawings of this score, pickled; if None, they are made now
     """
-    early = early or early_drawings(design, score, seed=seed)
-    drawings = early.drawings | tolerance_drawings(score)
+    made: EarlyDrawings = early_drawings(design, score, seed=seed) if early is None else pickle.loads(early)
+    drawings = made.drawings | tolerance_drawings(score)
     _write_drawings(folder / "sims", drawings)
     found = Found(
         checks=checks,
@@ -111,8 +112,8 @@ def write_report(
         sheets=sheets_of(folder),
         files=tuple(bundle_files(folder)),
         mold=mold_scene(design, folder),
-        light=early.light,
-        maps=early.maps,
+        light=made.light,
+        maps=made.maps,
     )
     page = report_html(design, score, found, versions(), seed=seed)
     write_text_atomically(folder / PAGE, page)

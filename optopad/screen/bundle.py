@@ -67,6 +67,6 @@ class Bundle:
         return f"{self.folder}\n{self.score!r}\n{checks_line(self.checks)}"
 
     def _repr_html_(self) -> str:
-        from optopad.screen.shown import block
+        from optopad.screen.answer import block
 
         return block(str(self.folder), (checks_line(self.checks),), self.score._repr_html_())

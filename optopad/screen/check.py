@@ -9,8 +9,7 @@ from optopad.design.circuit.circuit import Circuit
 from optopad.design.circuit.pin_rules import faster_boards
 from optopad.design.fields.finding import OUT_OF_SCOPE, Finding
 from optopad.design.spec import SensorDesign
-from optopad.screen.answer import FINDING_LINES, LINES, counted, row
-from optopad.screen.shown import block, table
+from optopad.screen.answer import FINDING_LINES, LINES, block, counted, row, table
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

@@ -9,10 +9,9 @@ from typing import Any
 
 from optopad.design.search.improve import Kind
 from optopad.design.spec import SensorDesign
-from optopad.screen.answer import labelled, row
+from optopad.screen.answer import INTERRUPTED, Result, block, labelled, number, row, table
 from optopad.screen.figures import figures_of
 from optopad.screen.score import Score
-from optopad.screen.shown import INTERRUPTED, Result, block, number, table
 from optopad.screen.verdict_sentences import changes_words, sentences_of, verdict_words
 from optopad.sims.score.objective import sizes_of
 from optopad.sims.score.result import ContinuityScore

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from optopad.design.spec import SensorDesign
-from optopad.screen.shown import block, number, picture, table
+from optopad.screen.answer import block, number, picture, table
 from optopad.sims.learning.inference.signal_map import KIND as SIGNAL_MAP
 from optopad.sims.learning.tables import (
     ErrorRow,

@@ -10,7 +10,7 @@ from optopad.design.arrays import FloatArray
 from optopad.design.fields.quantity import Quantity
 from optopad.design.press_protocol import LoadProtocol
 from optopad.design.spec import SensorDesign
-from optopad.screen.shown import Result
+from optopad.screen.answer import Result
 from optopad.sims.contact.force_curve import ForceCurve, LoadComparison
 from optopad.sims.contact.load_protocol import LoadHistory
 from optopad.sims.contact.pressure import ContactPressure
@@ -116,27 +116,23 @@ class PressView(Result):
             "force_band_n": list(self.band_n) if force.has_band else None,
             "contact_radius_mm": press.contact_radius_mm,
             "pile_up_mm": dict(zip(("height", "radius"), self.pile_up_mm, strict=True)),
-            "radius_mm": press.radius_mm.tolist(),
-            "height_mm": press.height_mm.tolist(),
+            **_lists(press, "radius_mm", "height_mm"),
             "modulus_mpa": self.young.model_dump(mode="json"),
             "pressure": {
-                "radius_mm": pressure.radius_mm.tolist(),
-                "pressure_mpa": pressure.pressure_mpa.tolist(),
+                **_lists(pressure, "radius_mm", "pressure_mpa"),
                 "peak_mpa": pressure.peak_mpa,
                 "is_resolved": pressure.is_resolved,
             },
-            "curve": {
-                "depth_mm": force.depth_mm.tolist(),
-                "force_n": force.force_n.tolist(),
-                "low_n": force.low_n.tolist(),
-                "high_n": force.high_n.tolist(),
-                "contact_radius_mm": force.contact_radius_mm.tolist(),
-            },
+            "curve": _lists(force, "depth_mm", "force_n", "low_n", "high_n", "contact_radius_mm"),
             "stated": None if self.comparison is None else _comparison_json(self.comparison),
             "protocol": None if self.driven is None else _protocol_json(self.driven),
             "warnings": list(self.warnings),
             "files": [str(file) for file in self.files],
         }
+
+
+def _lists(found: object, *names: str) -> dict[str, Any]:
+    return {name: getattr(found, name).tolist() for name in names}
 
 
 def _protocol_lines(driven: ProtocolView) -> list[str]:
@@ -181,9 +177,6 @@ def _protocol_json(driven: ProtocolView) -> dict[str, Any]:
         "note": HOW_TO_RELAX if driven.is_elastic else None,
         "time_s": history.time_s.tolist(),
         "path_mm": history.depth_mm.tolist(),
-        "load_n": history.load_n.tolist(),
-        "elastic_n": history.elastic_n.tolist(),
-        "has_left": history.has_left.tolist(),
-        "pause_ends": history.pause_ends.tolist(),
+        **_lists(history, "load_n", "elastic_n", "has_left", "pause_ends"),
         "lost_mj": history.lost_mj,
     }

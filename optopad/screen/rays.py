@@ -8,7 +8,7 @@ from typing import Any
 
 from optopad.design.shape.cavity import CavityGeometry, cavity_of
 from optopad.design.spec import SensorDesign
-from optopad.screen.shown import Result
+from optopad.screen.answer import Result
 from optopad.sims.optics.paths import LightPath
 from optopad.sims.plots.rays import Cut
 from optopad.sims.rays import KINDS, LOST, RayState, kind_of

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 from optopad.design.errors import InputError
 from optopad.design.shape.cavity import cavity_of
 from optopad.design.spec import SensorDesign
+from optopad.screen.answer import WIDTH_IN, block, drawn, picture
 from optopad.screen.figures import summary_words
-from optopad.screen.shown import WIDTH_IN, block, drawn, picture
-from optopad.screen.verdict import verdict_screen
+from optopad.screen.verdict import answer_of
 from optopad.screen.verdict_sentences import sentences_of
 from optopad.sims.score.result import ContinuityScore, JudgedPair, KeyFigures
 
@@ -125,7 +125,7 @@ class Score(KeyFigures):
 
     def __repr__(self) -> str:
         size = summary_words(self.design, self.found)
-        return "\n".join(verdict_screen(self.design, self.found, (), size=size))
+        return "\n".join(answer_of(self.design, self.found, size).lines(()))
 
     def _repr_html_(self) -> str:
         said = sentences_of(self.design, self.found)

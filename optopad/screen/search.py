@@ -17,9 +17,9 @@ from optopad.design.search.explore import Findings, OnTried
 from optopad.design.search.figures import FIGURES
 from optopad.design.search.improve import Judged, Tried
 from optopad.design.spec import SensorDesign
+from optopad.screen.answer import INTERRUPTED, Result
 from optopad.screen.comparison import MOST_DESIGNS
 from optopad.screen.figures import figures_of, in_columns
-from optopad.screen.shown import INTERRUPTED, Result
 from optopad.sims.score.result import headline
 from optopad.sims.verdict.depth_curve import DEADBAND_THRESHOLD
 

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from optopad.screen.answer import Result, block, picture, table
 from optopad.screen.figures import PadFigures, figure_lines
-from optopad.screen.shown import Result, block, picture, table
 from optopad.sims.score.sweep import SweepRow
 
 if TYPE_CHECKING:

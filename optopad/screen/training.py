@@ -1,13 +1,51 @@
-"""Trained models, and what their training used."""
+"""Simulated presses and data sets, models trained on data, and a design fitted to its manufactured pad."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from optopad.screen.shown import Result
+from optopad.design.spec import SensorDesign
+from optopad.screen.answer import Result
 from optopad.sims.learning.inference.header import ModelHeader
+
+if TYPE_CHECKING:
+    from optopad.sims.learning.calibration import Calibration, CalibrationReport
+    from optopad.sims.learning.force_fit import ForceFit
+    from optopad.sims.learning.inference.signal_map import SignalMapModel
+
+
+def signal_lines(summary: dict[str, Any]) -> Iterator[str]:
+    """Light of each press by path class."""
+    for state in summary["states"]:
+        x_mm, y_mm, depth_mm = state["press_mm"]
+        shares = "  ".join(f"{name} {value:.3e}" for name, value in state["mean_flux_by_class"].items())
+        yield (
+            f"press {x_mm:6.2f} {y_mm:6.2f}  depth {depth_mm:5.2f} mm  mean flux {state['mean_flux']:.4e}  {shares}"
+        )
+
+
+def data_lines(summary: dict[str, Any]) -> list[str]:
+    """Text that summarises the data set, in a few lines."""
+    protocol = summary["protocol"]
+    lines = [
+        f"protocol  {protocol['name']}: {protocol['points_per_press']} points a press, "
+        f"{protocol['touched_per_press']} of them at 0 mm or deeper; {summary['samples']} samples, "
+        f"{protocol['hours']:.1f} h on a stage"
+    ]
+    lines += [
+        f"set       {one['name']:<20} {one['role']:<6} {one['pattern']:<7} "
+        f"{'ambient' if one['is_ambient'] else 'dark':<8} {one['presses']} presses"
+        for one in summary["sets"]
+    ]
+    if summary["taken_up_presses"]:
+        lines.append(f"reused    {summary['taken_up_presses']} presses of an interrupted run")
+    if summary["clipped"]:
+        lines.append(f"warning   {summary['clipped']}")
+    return [*lines, f"file      {summary['file']}"]
+
 
 SHOWN = {
     "gamma_times_median": "gamma x median distance",
@@ -91,3 +129,55 @@ def _chosen(settings: Any) -> str:
 
 def _number(value: Any) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class CalibratedBuild(Result):
+    """Result of fitting a design to a recording of its manufactured pad.
+
+    Attributes
+    ----------
+    design : the design that was fitted
+    calibration : fitted values
+    report : quality of the fit
+    model : model that reads touches of the manufactured pad; None if it was not requested
+    force : modulus and relaxation, fitted to a load cell; None without its log
+    notes : notes about the data, as sentences
+    files : files that were written
+    """
+
+    design: SensorDesign
+    calibration: Calibration
+    report: CalibrationReport
+    model: SignalMapModel | None
+    notes: tuple[str, ...]
+    force: ForceFit | None = None
+    files: tuple[Path, ...] = ()
+
+    def screen(self) -> list[str]:
+        """The fit, and its files."""
+        names = ", ".join(one.name for one in self.files)
+        return [*self.lines(), f"files     {self.files[0].parent} ({names})"]
+
+    def lines(self) -> list[str]:
+        """Quality of the fit, and notes."""
+        return [*self.report.lines, *(() if self.force is None else self.force.lines), *self.notes]
+
+    def to_json(self) -> dict[str, Any]:
+        """The calibration as plain data for JSON."""
+        found = self.calibration
+        emitters = found.samples.emitters
+        return {
+            "name": self.design.name,
+            "digest": self.design.digest,
+            "calibrated_digest": found.design.digest,
+            "presses": found.samples.presses,
+            "readings": int(found.samples.signals.size),
+            "seed": found.seed,
+            **self.report.to_json(),
+            "gains_counts_per_flux": found.fitted.gains.reshape(emitters, -1).tolist(),
+            "gains_relative_spread": found.fitted.gain_spread.reshape(emitters, -1).tolist(),
+            "tip_beside_stage_mm": found.fitted.offset_mm.tolist(),
+            "data_notes": list(self.notes),
+            **({} if self.force is None else {"force": self.force.to_json()}),
+        }

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from optopad.design.spec import SensorDesign
@@ -27,21 +26,6 @@ if TYPE_CHECKING:
     from optopad.sims.score.result import ContinuityScore, JudgedPair
     from optopad.sims.verdict.builds import BuildStudy
     from optopad.sims.verdict.tolerance import Effect, FieldSteps
-
-
-def verdict_screen(
-    design: SensorDesign,
-    score: ContinuityScore,
-    closing: Sequence[str],
-    *,
-    command: str = "",
-    is_built: bool = False,
-    learner: str = "",
-    size: str = "",
-) -> list[str]:
-    """Lines of a verdict, as `Answer.lines` makes them."""
-    answer = answer_of(design, score, size)
-    return answer.lines(closing, command=command, is_built=is_built, learner=learner)
 
 
 def answer_of(design: SensorDesign, score: ContinuityScore, size: str) -> Answer:

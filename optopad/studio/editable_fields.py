@@ -32,6 +32,13 @@ PATTERNS = ("alternating ring", "facing rows", "by side")
 ROUND_PATTERNS = ("disc ring",)
 """Patterns of a whole layout: `PATTERNS` for straight walls, `ROUND_PATTERNS` for round walls. A layout that follows
 none of them is "by hand"."""
+ALONE: dict[type, str] = {
+    DiscRing: "disc ring",
+    Ring: "ring",
+    AlternatingRing: "alternating ring",
+    FacingRows: "facing rows",
+}
+"""Patterns that describe a whole layout by one entry."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -149,15 +156,9 @@ def relaid(design: SensorDesign, pattern: str) -> list[dict[str, Any]]:
 def pattern_of(design: SensorDesign) -> str:
     """The name of the pattern if it describes the whole layout, otherwise `BY_HAND`."""
     kinds: set[type] = {type(one) for one in design.layout}
-    if len(design.layout) == 1 and kinds == {DiscRing}:
-        return "disc ring"
-    if len(design.layout) == 1 and kinds == {Ring}:
-        return "ring"
-    if len(design.layout) == 1 and kinds == {AlternatingRing}:
-        return "alternating ring"
-    if len(design.layout) == 1 and kinds == {FacingRows}:
-        return "facing rows"
-    return "by side" if kinds == {PerSide} else BY_HAND
+    if kinds == {PerSide}:
+        return "by side"
+    return ALONE.get(type(design.layout[0]), BY_HAND) if len(design.layout) == 1 else BY_HAND
 
 
 def _disc_ring(design: SensorDesign) -> dict[str, Any]:
@@ -225,14 +226,8 @@ def _choices(design: SensorDesign) -> Iterator[EditableField]:
         value = getattr(design, section).part
         yield choice("Parts", f"{section}.part", section, value, parts, "Entry of the parts catalogue.")
     silicones = tuple(sorted(entries.elastomers))
-    yield choice(
-        "Material",
-        "elastomer.material",
-        "silicone",
-        design.elastomer.material,
-        silicones,
-        "Of the clear layer.",
-    )
+    silicone = design.elastomer.material
+    yield choice("Material", "elastomer.material", "silicone", silicone, silicones, "Of the clear layer.")
     if isinstance(design.gain.feedback_ohm, str):
         rule = design.gain.feedback_ohm
         tells = "each: one gain per receiver; common: one gain for all."

@@ -23,7 +23,6 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 import numpy as np
@@ -37,11 +36,10 @@ from optopad.design.spec import SensorDesign
 from optopad.fabrication.driver.check import check_frames
 from optopad.fabrication.driver.descriptor import Descriptor, descriptor_of
 from optopad.fabrication.driver.link.frames import US_PER_S, Frame, normalised
-from optopad.fabrication.driver.link.link import require_digest
-from optopad.fabrication.driver.pattern import Problem
 from optopad.fabrication.driver.sensor import Sensor
 from optopad.fabrication.driver.stream import LinkCounts
 from optopad.fabrication.driver.touch_reader import Touch, TouchReader
+from optopad.fabrication.driver.wiring_check import Problem
 from optopad.sensor import fitting_model, source_of
 from optopad.work import started
 
@@ -221,12 +219,11 @@ class LiveSensor:
     model : file of a trained model of this design; if None, no touch is estimated
     bundles : folder of the bundles; the design's bundle provides the expected pattern if it exists
     seed : seed of the simulated board
-    accept_digest : first 8 or more digits of the digest of another design that is also accepted
     patience_s : longest wait for the board when its port is opened [s]; None for the driver's default
 
     Raises
     ------
-    InputError, DesignError : the model is damaged or of another design, or the digits match no design.
+    InputError, DesignError : the model is damaged or of another design.
     """
 
     def __init__(
@@ -237,14 +234,11 @@ class LiveSensor:
         model: Path | None,
         bundles: Path,
         seed: int = 0,
-        accept_digest: str | None = None,
         patience_s: float | None = None,
     ) -> None:
         self._config = source_of(design, bundles).config
         self._said: Descriptor = descriptor_of(self._config)
         self._model = None if model is None else fitting_model(model, self._config)
-        require_digest(accept_digest)
-        self._accept_digest = accept_digest
         self._patience_s = patience_s
         self._port = port
         self._board = BoardProcess(design, bundles, seed, self._say) if port == FAKE else None
@@ -269,9 +263,7 @@ class LiveSensor:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, err: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def start(self) -> None:
@@ -349,7 +341,6 @@ class LiveSensor:
         opened = Sensor(
             self._config,
             port,
-            accept_digest=self._accept_digest,
             baseline_s=0.0,
             patience_s=self._patience_s,
             on_wait=self._say,

@@ -1,17 +1,25 @@
-"""Meshes of the untouched pad for display: outline in plan, walls, layers and top; lengths in mm.
+"""Meshes of the pad for display: outline in plan, walls, layers, the untouched and the pressed top; lengths in mm.
 
 The outline is a polygon whose vertices include the plan's corners. Under a crown, straight walls are divided into
 short sides, so that their upper edges follow the crown.
 
 The module also cuts meshes open along a plane, to show the inside.
+
+The pressed top has rings around the press axis, up to the pad's outline. On a crown, the rings are on the untouched
+top. Each point is displaced along the normal at the press location; the displacement is the height of the pressed
+surface at the point's distance from the axis.
 """
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from optopad.design.arrays import BoolArray, FloatArray, IntArray
-from optopad.design.shape.cavity import Plan, edge_mm
+from optopad.design.shape.cavity import Plan, cavity_of, edge_mm
+from optopad.design.spec import SensorDesign
+from optopad.sims.contact.pad_surface import PadSurface, curve_height_mm, pad_surface
 
 
 def cut_open(points_mm: FloatArray, triangles: IntArray, y_mm: float) -> tuple[FloatArray, IntArray]:
@@ -131,3 +139,105 @@ def struck_place(plan: Plan, eye_mm: FloatArray, way: FloatArray) -> tuple[float
         if height <= plan.top_mm(x, y) and plan.contains(x, y):
             return x, y
     return None
+
+
+SPOKES, RINGS = 72, 28
+BORDER_STEPS = 6
+"""Number of iterations that move a displaced border point back onto its wall; each reduces the distance about
+tenfold."""
+REST_MM = 0.5
+"""Node spacing for the smooth part of the surface outside the contact [mm]; linear interpolation has an error of at
+most 0.01 mm, near the contact."""
+
+
+def pressed_top(
+    design: SensorDesign, place_mm: tuple[float, float], depth_mm: float
+) -> tuple[FloatArray, IntArray, PadSurface | None]:
+    """(n, 3) points [mm] and (m, 3) triangles of the top in the cavity's coordinate system, and the solved surface.
+
+    The surface is None without contact.
+
+    Raises
+    ------
+    ModelScopeError : the contact model does not cover the press.
+    """
+    plan = cavity_of(design).plan
+    outline = outline_mm(plan)
+    angles = _angles(outline, place_mm)
+    reach = _reach(outline, place_mm, angles)
+    surface = pad_surface(design, depth_mm, place_mm) if depth_mm > 0 else None
+    tip = design.indenter.tip_radius_mm
+    radii = _radii(surface, tip, float(reach.max()))
+    at = np.minimum(radii[:, None], reach[None, :])
+    x = np.clip(place_mm[0] + at * np.cos(angles), 0.0, plan.length_mm)
+    y = np.clip(place_mm[1] + at * np.sin(angles), 0.0, plan.width_mm)
+    points = np.stack([x, y, top_mm(plan, x, y)], axis=-1).reshape(-1, 3)
+    if surface is not None and not plan.top.is_flat:
+        points = _pressed_crown(plan, surface, points, (at >= reach).ravel())
+    elif surface is not None:
+        points[:, 2] += _height(surface, at, x, y).ravel()
+    return points, ring_triangles(len(radii), len(angles)), surface
+
+
+def _pressed_crown(plan: Plan, surface: PadSurface, points: FloatArray, is_border: BoolArray) -> FloatArray:
+    """(n, 3) points of the pressed top, from those of the untouched top [mm]; border points stay on the walls."""
+    normal = np.array(plan.normal(*surface.at_mm))
+    foot = np.array([*surface.at_mm, plan.top_mm(*surface.at_mm)])
+
+    def raised(start: FloatArray) -> FloatArray:
+        away = start - foot
+        axial = away @ normal
+        radius = np.sqrt(np.maximum((away**2).sum(axis=1) - axial**2, 0.0))
+        return np.asarray(start + curve_height_mm(surface.near, radius)[:, None] * normal)
+
+    found, border, start = raised(points), points[is_border], points[is_border]
+    for _ in range(BORDER_STEPS):
+        x, y = (start + border - raised(start))[:, :2].T
+        start = np.column_stack([x, y, top_mm(plan, x, y)])
+    found[is_border] = np.column_stack([border[:, :2], raised(start)[:, 2]])
+    return found
+
+
+def _height(surface: PadSurface, radius: FloatArray, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
+    """Height of the pressed top [mm]: a curve around the press axis plus, outside the contact, the smooth remainder."""
+    near = curve_height_mm(surface.near, radius)
+    lines = [np.linspace(0.0, size, math.ceil(size / REST_MM) + 1) for size in surface.size_mm]
+    rest = surface.beside_mm(*lines)
+    cells = [len(line) - 1 for line in lines]
+    column = np.clip(x_mm / surface.size_mm[0] * cells[0], 0, cells[0] - 1e-9)
+    row = np.clip(y_mm / surface.size_mm[1] * cells[1], 0, cells[1] - 1e-9)
+    i, j = column.astype(int), row.astype(int)
+    u, v = column - i, row - j
+    beside = (
+        rest[i, j] * (1 - u) * (1 - v)
+        + rest[i + 1, j] * u * (1 - v)
+        + rest[i, j + 1] * (1 - u) * v
+        + rest[i + 1, j + 1] * u * v
+    )
+    return near + np.where(radius <= surface.near.contact_radius_mm, 0.0, beside)
+
+
+def _angles(outline: FloatArray, place_mm: tuple[float, float]) -> FloatArray:
+    """Evenly spaced angles and the angles of the outline's corners, as seen from the press axis [rad]."""
+    corners = np.arctan2(outline[:, 1] - place_mm[1], outline[:, 0] - place_mm[0])
+    even = np.linspace(-np.pi, np.pi, SPOKES, endpoint=False)
+    return np.unique(np.round(np.concatenate([even, corners]), 9))
+
+
+def _reach(outline: FloatArray, place_mm: tuple[float, float], angles: FloatArray) -> FloatArray:
+    """(angle,) distance from the press axis to the convex outline in each direction [mm]."""
+    side = np.roll(outline, -1, axis=0) - outline
+    outward = np.column_stack([side[:, 1], -side[:, 0]])
+    gap = ((outline - place_mm) * outward).sum(axis=1)
+    towards = outward @ np.stack([np.cos(angles), np.sin(angles)])
+    meets = towards > 1e-12 * np.linalg.norm(outward, axis=1)[:, None]
+    return np.asarray(np.where(meets, gap[:, None] / np.where(meets, towards, 1.0), np.inf).min(axis=0))
+
+
+def _radii(surface: PadSurface | None, tip_mm: float, farthest_mm: float) -> FloatArray:
+    """Radii of the rings [mm]: close together near the tip, far apart outside; the last is beyond every corner."""
+    edge = tip_mm if surface is None else max(surface.near.contact_radius_mm, 0.3 * tip_mm)
+    near = np.linspace(0.0, edge, RINGS // 3)
+    beside = edge + np.linspace(0.0, 2.0 * tip_mm, RINGS // 2)[1:]
+    beyond = np.linspace(beside[-1], max(farthest_mm, beside[-1] + tip_mm), RINGS // 4)[1:]
+    return np.concatenate([near, beside, beyond])

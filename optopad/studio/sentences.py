@@ -8,11 +8,11 @@ from collections.abc import Mapping, Sequence
 from optopad.design.shape.cavity import PlacedPart
 from optopad.fabrication.sheets.template import filled
 from optopad.screen.figures import figures_of
-from optopad.screen.stages import STAGE_TITLES
+from optopad.screen.output import STAGE_TITLES
 from optopad.screen.verdict_sentences import sentences_of, verdict_words
 from optopad.studio.live import LiveView
-from optopad.studio.live_results import LiveVerdict, Progress
 from optopad.studio.session import Said, Version
+from optopad.studio.workshop import LiveVerdict, Progress
 
 
 def verdict_html(now: Version, judged: LiveVerdict | None, failed: str, progress: Progress | None) -> str:

@@ -7,6 +7,7 @@ A request is a design, a press, and options. A new design stops the running work
 top or of the pairs under the tip is finished, since it takes only a moment and keeps dragging smooth. A new press does
 not stop a running score: the new top and pairs are computed between two portions of the score's light
 (`optopad.sims.optics.engine.threads.between_pieces`). Traced light is stored on disk, so stopped work is not lost.
+Each kind of result has a class, and each result the digest of its design.
 """
 
 from __future__ import annotations
@@ -16,25 +17,125 @@ import time
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
-from optopad.design.arrays import FloatArray
+from optopad.design.arrays import FloatArray, IntArray
 from optopad.design.errors import DesignError, OptopadError
 from optopad.design.shape.cavity import cavity_of, pair_name
 from optopad.design.spec import SensorDesign
-from optopad.studio.live_results import (
-    Curves,
-    Failed,
-    LiveVerdict,
-    Look,
-    Progress,
-    Ray,
-    Rays,
-    Readings,
-    Result,
-)
+from optopad.screen.figures import PadFigures, figures_of
+from optopad.sims.score.objective import PlaceCurves
+from optopad.sims.score.result import ContinuityScore
 from optopad.studio.session import LivePress
+
+Level = Literal["draft", "score", "whole"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Look:
+    """The shape of the pressed top.
+
+    Attributes
+    ----------
+    press : location and depth of the press
+    points_mm : (n, 3) points of the top's mesh in the coordinate system of the cavity [mm]
+    triangles : (m, 3) indices of points
+    force_n, contact_radius_mm : load [N] and contact radius [mm]; 0 without contact
+    """
+
+    digest: str
+    press: LivePress
+    points_mm: FloatArray
+    triangles: IntArray
+    force_n: float
+    contact_radius_mm: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Curves:
+    """Signals against depth for the pairs under the tip."""
+
+    digest: str
+    found: PlaceCurves
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ray:
+    """One sample path of light: names of its kind and of its pair, and (n, 3) points in cavity coordinates [mm]."""
+
+    kind: str
+    pair: str
+    places_mm: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rays:
+    """Sample paths of light under a press."""
+
+    digest: str
+    press: LivePress
+    rays: tuple[Ray, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Readings:
+    """Expected readings of a manufactured sensor.
+
+    Attributes
+    ----------
+    untouched, pressed : (emitter, receiver) readings without contact, and under the press [counts]
+    """
+
+    digest: str
+    press: LivePress
+    untouched: FloatArray
+    pressed: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class LiveVerdict:
+    """A verdict on a design.
+
+    Attributes
+    ----------
+    level : accuracy of the verdict: "draft" from a coarse setting of the light model, "score" as by `optopad score` but
+        without tolerance, "whole" with tolerance
+    score : score with verdict, map and bounds
+    """
+
+    digest: str
+    level: Level
+    score: ContinuityScore
+
+    def figures(self, design: SensorDesign) -> PadFigures:
+        """The figures of the judged design, computed once, since the panel is drawn often."""
+        known = vars(self)
+        if "_figures" not in known:
+            known["_figures"] = figures_of(design, self.score)
+        found: PadFigures = known["_figures"]
+        return found
+
+
+@dataclass(frozen=True, kw_only=True)
+class Progress:
+    """The stage of the running work (empty if no work is running), and the finished share of the stage, 0 to 1."""
+
+    stage: str
+    share: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Failed:
+    """The reason why there is no result for a design."""
+
+    digest: str
+    text: str
+
+
+Result = Look | Curves | Rays | Readings | LiveVerdict | Progress | Failed
+
 
 Post = Callable[[Result], None]
 TOLD_EVERY_S = 0.15
@@ -260,7 +361,7 @@ class Workshop:
             self._post(Progress(stage=stage, share=share))
 
     def _look(self, request: Request) -> Look:
-        from optopad.studio.surface_mesh import pressed_top
+        from optopad.studio.pad_mesh import pressed_top
 
         design, press = request.design, request.press
         points, triangles, surface = pressed_top(design, press.place_mm, press.depth_mm)

@@ -20,8 +20,7 @@ from typing import TYPE_CHECKING
 
 from matplotlib.figure import Figure
 
-from optopad.cli.options import SHARED
-from optopad.cli.verb import typed, verb
+from optopad.cli.verb import SHARED, typed, verb
 from optopad.design.errors import InputError
 from optopad.design.fields.base import leaves
 from optopad.design.io import write_text_atomically
@@ -30,10 +29,9 @@ from optopad.design.rules.check import require_valid
 from optopad.design.spec import SensorDesign
 from optopad.fabrication.bundle import bundle, bundle_name
 from optopad.report.before_after import compare_html
-from optopad.screen.comparison import MOST_DESIGNS, NAMES, Comparison, Measure, labelled
+from optopad.screen.answer import Result
+from optopad.screen.comparison import MOST_DESIGNS, NAMES, ComparedRecording, Comparison, Measure, labelled
 from optopad.screen.figures import Better, FigureCell, PadFigures, figures_of
-from optopad.screen.recorded_press import ComparedRecording
-from optopad.screen.shown import Result
 from optopad.sims.learning.recorded_press import recorded_press
 from optopad.sims.plots.files import write_plot
 from optopad.sims.plots.signal import plot_recorded
@@ -195,13 +193,10 @@ def changes_of(designs: Sequence[SensorDesign]) -> dict[str, tuple[object, ...]]
     documents = [dict(leaves(design.model_dump(mode="json"))) for design in designs]
     known = dict.fromkeys(path for document in documents for path in document)
     ordered = sorted(known, key=lambda path: path in NAMES)
-    changes = {path: tuple(_given(document.get(path)) for document in documents) for path in ordered}
+    changes = {  # an empty field equals a missing one
+        path: tuple(ABSENT if one.get(path) is None else one[path] for one in documents) for path in ordered
+    }
     return {path: values for path, values in changes.items() if any(one != values[0] for one in values)}
-
-
-def _given(value: object) -> object:
-    """The value of a field, or `ABSENT` for None, so that an empty field equals a missing one in a comparison."""
-    return ABSENT if value is None else value
 
 
 def measures_of(figures: Sequence[PadFigures], again: Sequence[PadFigures]) -> tuple[Measure, ...]:

@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 
-from optopad.cli.options import require_folder
-from optopad.cli.verb import typed, verb
+from optopad.cli.verb import require_folder, typed, verb
 from optopad.design.errors import InputError
 from optopad.design.press_protocol import LoadProtocol, load_protocol
 from optopad.design.progress import OnStep

@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from optopad.cli.options import named, require_folder
-from optopad.cli.verb import typed, verb
+from optopad.cli.verb import named, require_folder, typed, verb
 from optopad.design.arrays import FloatArray
 from optopad.design.errors import InputError
 from optopad.design.file_sets import written_together

@@ -23,8 +23,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from optopad.cli.options import LARGEST_SEED
-from optopad.cli.verb import typed, verb
+from optopad.cli.verb import LARGEST_SEED, typed, verb
 from optopad.design.errors import InputError, OptopadError
 from optopad.design.files import own_folder, unwritable
 from optopad.design.io import dump_design, write_text_atomically

@@ -503,7 +503,9 @@ class Confirmation:
             self.base = replace(self.base, figures=self.base.figures | sizes_of(self.space.base))
         self._learn(base, self.before)
         tried = self.with_aim([*tried, *self._at_other_gains(tried)])
-        best = sorted((one for one in tried if is_possible(one.judged)), key=_worth, reverse=True)
+        best = sorted(
+            (one for one in tried if is_possible(one.judged)), key=lambda one: worth(one.judged), reverse=True
+        )
         if self.accuracy != LOCATION or not best or self.aim in BOUND_AIMS:
             return tried
         self.base = self._with_accuracy(self.base, self.space.base)
@@ -592,7 +594,9 @@ class Confirmation:
         """
         fresh = [self._latest(one) for one in tried if one.digest and _light_of(one) not in self._lit]
         if kind is None:
-            return max((one for one in fresh if one.judged.figures), key=_worth, default=None)
+            return max(
+                (one for one in fresh if one.judged.figures), key=lambda one: worth(one.judged), default=None
+            )
         while True:
             best = self._first_of(kind, fresh)
             if best is None or self._is_latest(best):
@@ -630,7 +634,7 @@ class Confirmation:
         safe = [one for one in corrected if margin_of(one.judged) >= margin]
         if kind in ("margin", "most robust"):
             safe.sort(key=lambda one: ORDERS[kind](self.space, one, self.accuracy))
-        best = safe[0] if safe else max(corrected, key=_worth, default=None)
+        best = safe[0] if safe else max(corrected, key=lambda one: worth(one.judged), default=None)
         return next((one for one in candidates if best is not None and one.number == best.number), None)
 
     def _expected(self, one: Tried) -> float:
@@ -834,7 +838,3 @@ class Confirmation:
         )
         changes = changes_of(self.space, best.tried.parameters)
         return Nearest(changes=changes, at_ends=ends, score=best.score)
-
-
-def _worth(one: Tried) -> tuple[bool, float, float, float]:
-    return worth(one.judged)

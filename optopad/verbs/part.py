@@ -10,8 +10,7 @@ from typing import Any
 
 import typer
 
-from optopad.cli.options import file_name
-from optopad.cli.verb import typed, verb
+from optopad.cli.verb import file_name, typed, verb
 from optopad.design.errors import DesignError, InputError
 from optopad.design.fields.base import IDENTIFIER_PATTERN
 from optopad.design.fields.validation import PATTERN_WORDS

@@ -11,8 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from optopad.cli.options import parsed_press
-from optopad.cli.verb import typed, verb
+from optopad.cli.verb import parsed_press, typed, verb
 from optopad.design.errors import InputError
 from optopad.design.io import write_text_atomically
 from optopad.design.progress import OnStep

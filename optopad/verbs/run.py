@@ -30,7 +30,7 @@ from optopad.fabrication.bundle import Part, altered_files, bundle, bundle_name,
 from optopad.screen.answer import Answer, checks_words, labelled, learner_words, row
 from optopad.screen.bundle import Bundle
 from optopad.screen.output import Told, foretell_score
-from optopad.work import OUT, started
+from optopad.work import OUT, beside, started
 
 if TYPE_CHECKING:
     from optopad.sims.score.result import ContinuityScore
@@ -124,20 +124,23 @@ def _made(
     if len(kept) < 2 or "design.toml" in altered:
         with bundle(design, out, seed=seed, parts=(mold, answer)) as folder:
             has_mold = mold in kept or (not force and _copied_mold(design, mold, folder, out))
-            with nullcontext() if has_mold else _mold_beside(design, folder) as process:
-                if answer not in kept:
+            with (
+                nullcontext() if has_mold else _mold_beside(design, folder) as process,
+                nullcontext() if answer in kept else beside("optopad.report") as drawer,
+            ):
+                if drawer is not None:
                     on_start()
                     found, early = scored(
-                        design, folder, fine=fine, seed=seed, on_step=on_step, with_page=True
+                        design, folder, drawer, fine=fine, seed=seed, on_step=on_step, with_page=True
                     )
                 if process is not None:
                     on_step("mold beside", 0.0)
                     _finish(process)
                     on_step("mold beside", 1.0)
-            if found is not None:
-                on_step("files", 0.0)
-                write_pages(design, folder, found, seed, early)
-                on_step("files", 1.0)
+                if found is not None and drawer is not None:
+                    on_step("files", 0.0)
+                    write_pages(design, folder, found, seed, drawer, early())
+                    on_step("files", 1.0)
     fresh = [part for part in (mold, answer) if part not in kept]
     made = {"design.toml"}.union(*(current_files(final, part) for part in fresh))
     return Bundle(

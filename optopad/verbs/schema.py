@@ -5,8 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from optopad.cli.options import file_name
-from optopad.cli.verb import typed, verb
+from optopad.cli.verb import file_name, typed, verb
 from optopad.design.io import file_schema, write_text_atomically
 
 

@@ -18,7 +18,7 @@ from optopad.sims.score import scoring
 from optopad.sims.score.build_tolerance import DEFAULT_BUILDS
 from optopad.sims.score.result import ContinuityScore
 from optopad.sims.verdict.builds import FEWEST_BUILDS, MOST_BUILDS
-from optopad.work import OUT, FinishedWork
+from optopad.work import OUT, FinishedWork, beside
 
 
 def score(
@@ -107,10 +107,11 @@ def _written(
     has_page = (out / name / "report.html").exists()  # a bundle has one verdict: its page is made anew
     part = answer_part(design, seed, fine=fine, full=full, builds=builds, has_page=has_page)
     memo = None if builds is None else FinishedWork(out, f"{name}.builds", [design.digest, seed])
-    with bundle(design, out, seed=seed, parts=(part,)) as folder:
+    with bundle(design, out, seed=seed, parts=(part,)) as folder, beside("optopad.report") as drawer:
         score, early = scored(
             design,
             folder,
+            drawer,
             fine=fine,
             full=full,
             seed=seed,
@@ -119,8 +120,9 @@ def _written(
             builds=builds,
             memo=memo,
         )
+        drawings = early()
         if has_page:
-            write_pages(design, folder, score, seed, early)
+            write_pages(design, folder, score, seed, drawer, drawings)
     if memo is not None:
         memo.forget()
     return score, out / name

@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from optopad.cli.options import parsed_press
-from optopad.cli.verb import typed, verb
+from optopad.cli.verb import parsed_press, typed, verb
 from optopad.design.arrays import FloatArray
 from optopad.design.draft import Draft
 from optopad.design.errors import InputError, ModelScopeError
@@ -21,7 +20,7 @@ from optopad.design.shape.cavity import CavityGeometry, cavity_of
 from optopad.design.spec import SensorDesign
 from optopad.fabrication.bundle import bundle, bundle_name, program_digest
 from optopad.screen.output import Told
-from optopad.screen.simulation import data_lines, signal_lines
+from optopad.screen.training import data_lines, signal_lines
 from optopad.sims.contact.indentation import solved_press
 from optopad.sims.contact.scope import contact_of
 from optopad.sims.optics.accuracy import LightSignals

@@ -173,7 +173,8 @@ def _refined(variant: SensorDesign, row: SweepRow, kept: FinishedWork, seed: int
     earlier = kept.get(name)
     if earlier is not None:
         return SweepRow.from_json(earlier)
-    found = sweep_row(variant, row.value, _judged_finer(variant, setting, seed))
+    score = _scored(variant, fine=setting == FINE, full=setting == FULL, seed=seed)
+    found = sweep_row(variant, row.value, score)
     again = replace(found, refined=setting)
     kept.put(name, again.to_json())
     return again
@@ -185,10 +186,6 @@ def _judged(variant: SensorDesign, out: Path, *, fine: bool, seed: int, build: b
 
         return run(variant, out=out, fine=fine, seed=seed).score.found
     return _scored(variant, fine=fine, seed=seed)
-
-
-def _judged_finer(variant: SensorDesign, setting: str, seed: int) -> Any:
-    return _scored(variant, fine=setting == FINE, full=setting == FULL, seed=seed)
 
 
 def _scored(variant: SensorDesign, **settings: Any) -> Any:

@@ -8,8 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from optopad.cli.options import file_name, named
-from optopad.cli.verb import typed, verb
+from optopad.cli.verb import file_name, named, typed, verb
 from optopad.design.errors import InputError
 from optopad.design.files import made_folder
 from optopad.design.progress import OnStep, silent

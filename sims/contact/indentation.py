@@ -48,13 +48,7 @@ from optopad.sims.contact.library.profile_library import shipped_library
 from optopad.sims.contact.library.smooth_press import SmoothPress
 from optopad.sims.contact.library.solved_press import LARGEST_CHANGE, ROUNDS, PlacedPress, SolvedPress
 from optopad.sims.contact.library.stored_press import UnitPress
-from optopad.sims.contact.scope import (
-    Contact,
-    ContactSolveError,
-    Place,
-    contact_of,
-    half_width_of,
-)
+from optopad.sims.contact.scope import Contact, ContactSolveError, Place, contact_of, half_width_of
 from optopad.sims.contact.tip import HEMISPHERE
 from optopad.sims.contact.walls import surroundings
 from optopad.sims.press import Indentation

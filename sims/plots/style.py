@@ -17,6 +17,7 @@ from typing import Final
 
 import matplotlib
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
@@ -51,6 +52,7 @@ def plain_style() -> Iterator[None]:
                 "axes.labelsize": 9,
                 "axes.spines.right": False,
                 "axes.spines.top": False,
+                "axes.titley": 1.0,  # no search for ticks above the axes, as there are none
                 "font.size": 9,
                 "hatch.linewidth": 0.7,
                 "legend.fontsize": 8,
@@ -84,6 +86,10 @@ def svg_text(figure: Figure, salt: str) -> str:
     """
     buffer = io.StringIO()
     with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": salt}):
+        if (layout := figure.get_layout_engine()) is not None:
+            FigureCanvasSVG(figure)  # the layout measures texts as its canvas writes them
+            layout.execute(figure)
+            figure.set_layout_engine("none")  # `savefig` would draw the figure once more to lay it out
         figure.savefig(buffer, format="svg", metadata=_METADATA)
     return "\n".join(line.rstrip() for line in buffer.getvalue().splitlines()) + "\n"
 

@@ -19,9 +19,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from optopad.design.arrays import BoolArray, FloatArray
 from optopad.design.circuit.transimpedance import fitted_counts_per_flux
@@ -31,6 +31,9 @@ from optopad.design.files import whole_file
 from optopad.design.shape.cavity import CavityGeometry
 from optopad.design.spec import SensorDesign
 from optopad.sims.optics.accuracy import LightSignals
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 HEADROOM = 0.75
 """Largest untouched reading of the brightest judged pair of each receiver, as a share of full scale [-]. It applies if
@@ -187,6 +190,8 @@ def signals_dataset(
     ``standard_error`` (state, emitter, receiver), and ``press_x``, ``press_y``, ``press_depth`` (state) [mm]. A state
     is one traced press
     """
+    import xarray as xr  # which takes a third of a second to import, and a verdict does not need it
+
     axes = ("state", "emitter", "receiver")
     names = list(light.by_class)
     share = {"units": "1", "long_name": "flux over the emitter's power"}

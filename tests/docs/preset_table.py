@@ -9,7 +9,7 @@ from optopad.design.shape.cavity import cavity_of
 from optopad.design.shape.outline import Outline
 from optopad.design.spec import SensorDesign
 from optopad.fabrication.sheets import svg
-from optopad.fabrication.sheets.table import number, size_words
+from optopad.fabrication.sheets.template import number, size_words
 from optopad.fabrication.sheets.wiring_svg import EMITTER_COLOUR, LINE_COLOUR, RECEIVER_COLOUR
 from optopad.report.scenes.mold_scene import body_corners_mm
 

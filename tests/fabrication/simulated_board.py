@@ -37,6 +37,7 @@ from optopad.fabrication.driver.link.protocol import (
     FrameFormat,
     Hello,
     Kind,
+    Scanner,
     SelfTest,
     Unpacked,
     message_lengths,
@@ -44,7 +45,6 @@ from optopad.fabrication.driver.link.protocol import (
     unpack_hello,
     unpack_self_test,
 )
-from optopad.fabrication.driver.link.scanner import Scanner
 from optopad.fabrication.flash import COMPILER, compile_elf, has_compiler
 from optopad.fabrication.sketch import FirmwareSettings, firmware_settings, write_sketch
 

@@ -20,7 +20,7 @@ from optopad.design.spec import SensorDesign
 from optopad.design.spec.properties import part_of
 from optopad.fabrication.sheets.bom import COLUMNS, bom_csv, bom_rows
 from optopad.fabrication.sheets.silicone import pours
-from optopad.fabrication.sheets.table import csv_text, safe_text
+from optopad.fabrication.sheets.template import csv_text, safe_text
 
 PAD = preset("piacenza2017-pad")
 

@@ -26,8 +26,8 @@ from optopad.fabrication.driver_file import (
     config_from_document,
     content_sha256,
     load_driver_config,
+    plain_of,
 )
-from optopad.fabrication.record import plain_of
 
 PAD = preset("piacenza2017-pad")
 

@@ -14,7 +14,7 @@ from optopad.design.preset import preset
 from optopad.design.spec import SensorDesign
 from optopad.fabrication.driver.check import check_frames
 from optopad.fabrication.driver.sensor import Sensor
-from optopad.fabrication.driver.simulated.faults import faults_of
+from optopad.fabrication.driver.simulated.board import faults_of
 from optopad.fabrication.driver_config import dump_driver_config
 from optopad.fabrication.sketch import firmware_settings
 from tests.fabrication.driver.made_up_pad import pad_config, untouched

@@ -25,7 +25,7 @@ from optopad.fabrication.sheets import all_sheets as sheets
 from optopad.fabrication.sheets.all_sheets import sheet_texts, wiring_csv, write_sheets
 from optopad.fabrication.sheets.bom import bom_rows
 from optopad.fabrication.sheets.casting import casting_md
-from optopad.fabrication.sheets.table import plain
+from optopad.fabrication.sheets.template import plain
 from optopad.fabrication.sheets.wiring_svg import wiring_svg
 from tests.said import says
 

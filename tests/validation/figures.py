@@ -2,6 +2,8 @@
 
     python -m tests.validation.figures          writes the page, and every quoted number anew
 
+The page itself says what each figure is and in which unit: a new figure needs a row with its name there.
+
 A quoted number has the name of its figure behind it as a comment, which no reader of the page sees:
 `0.083<!--light.pad.rms--> %`. The command replaces the number where the stored result has changed. A figure's date is
 the day on which its value last changed. `tests/docs/test_figures.py` finds quoted numbers that are out of date, and
@@ -51,18 +53,21 @@ def figures() -> list[Figure]:
 
 
 def page_text(today: str) -> str:
-    """The page of all figures; a figure with the value that the page has now keeps its date."""
-    known = (
-        {row["name"].strip("`"): row for row in table(PAGE.relative_to(ROOT).as_posix(), "name", "date")}
-        if PAGE.is_file()
-        else {}
-    )
+    """The page of all figures: names, what they are and units as they stand there, values from the results.
+
+    A figure with the value that the page has now keeps its date.
+    """
     lines = []
-    for one in figures():
-        old = known.get(one.name)
-        date = old["date"] if old is not None and old["value"] == one.value else today
-        lines.append(f"| `{one.name}` | {one.about} | {one.value} | {one.unit} | `{one.source}` | {date} |")
-    return HEAD + "\n".join(lines) + "\n"
+    values = {one.name: one for one in figures()}
+    for row in table(PAGE.relative_to(ROOT).as_posix(), "name", "date"):
+        one = values.pop(row["name"].strip("`"))
+        date = row["date"] if row["value"] == one.value else today
+        lines.append(
+            f"| `{one.name}` | {row['figure']} | {one.value} | {row['unit']} | `{one.source}` | {date} |\n"
+        )
+    if values:
+        raise ValueError(f"{PAGE.name} needs a row that says what each is, and its unit: {', '.join(values)}")
+    return HEAD + "".join(lines)
 
 
 def quoting() -> list[Path]:

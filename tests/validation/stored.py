@@ -16,12 +16,10 @@ Row = dict[str, str]
 
 @dataclass(frozen=True)
 class Figure:
-    """One figure: what it is, its value as text, its unit, and the stored result that it is read from."""
+    """One figure: its value as text, and the stored result that it is read from."""
 
     name: str
-    about: str
     value: str
-    unit: str
     source: str
 
 
@@ -56,6 +54,6 @@ def column(rows: list[Row], head: str, keep: Callable[[Row], bool] = lambda _: T
     return [number(row[head]) for row in rows if keep(row)]
 
 
-def made(source: str, name: str, about: str, value: float | str, form: str, unit: str) -> Figure:
+def made(source: str, name: str, value: float | str, form: str = "") -> Figure:
     """A figure with its value in a form of `format`."""
-    return Figure(name, about, format(value, form), unit, source)
+    return Figure(name, format(value, form), source)

@@ -1,4 +1,8 @@
-"""Decodes the board's messages into frames, counts lost frames and measures the frame rate."""
+"""Decodes the board's messages into frames, counts lost frames and measures the frame rate.
+
+The board's 32-bit counters are unwrapped, repeated frames and restarts of the board are detected, and the board's times
+are turned into this machine's by `BoardClock`.
+"""
 
 from __future__ import annotations
 
@@ -9,12 +13,155 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from optopad.design.arrays import BoolArray, FloatArray
+from optopad.design.arrays import BoolArray, FloatArray, IntArray
 from optopad.design.errors import DeviceError
 from optopad.design.recordings import signals_of
-from optopad.fabrication.driver.link.clock import BoardClock
-from optopad.fabrication.driver.link.counters import Repeats, WrappingCounter
-from optopad.fabrication.driver.link.protocol import FrameFormat, unpack_frames
+from optopad.fabrication.driver.link.protocol import STAMP, WRAP, CountArray, FrameFormat, unpack_frames
+
+WINDOW_S = 10.0
+"""Time over which the least delay is sought [s]."""
+BLOCK_S = 0.5
+"""Time for which one minimum is kept [s]."""
+QUARTZ = 1e-4
+"""Largest relative difference between the board's clock and that of this machine [-]."""
+
+
+class BoardClock:
+    """Estimates when frames were read, in this machine's time, from the times of arrival.
+
+    Every frame states the board's time d of its first conversion. It arrives at the host's time
+
+        h = d + offset + least delay + jitter,   jitter >= 0,
+
+    where the least delay is the duration of the conversions and of the transfer, by the timing model. Jitter is the
+    time for which the bytes wait in drivers and buffers. The offset is the minimum of h - d over the last `WINDOW_S`,
+    less the least delay. Two quartz clocks differ by up to 100 ppm, so the minimum is taken over a short window only.
+
+    Left out: a delay that every frame has, such as that of a USB bridge, which makes all stamps late by the same time.
+
+    Parameters
+    ----------
+    least_delay_s : time from a frame's first conversion to its arrival, without waiting [s]
+    """
+
+    def __init__(self, least_delay_s: float) -> None:
+        self._least_delay_s = least_delay_s
+        self._blocks: deque[tuple[float, float]] = deque()
+
+    def restart(self) -> None:
+        """Forget all frames, because the board's clock started again."""
+        self._blocks.clear()
+
+    def began_s(self, device_s: float, host_s: float) -> float:
+        """Host's time at which a frame's first conversion began [s]; never after its arrival.
+
+        Parameters
+        ----------
+        device_s : board's time of the first conversion [s]
+        host_s : host's time at the frame's arrival [s]
+        """
+        behind = host_s - device_s
+        blocks = self._blocks
+        if blocks and device_s - blocks[-1][0] < BLOCK_S:
+            blocks[-1] = (blocks[-1][0], min(blocks[-1][1], behind))
+        else:
+            blocks.append((device_s, behind))
+            while blocks[0][0] < device_s - WINDOW_S:
+                blocks.popleft()
+        return device_s + min(least for _, least in blocks) - self._least_delay_s
+
+    @property
+    def error_s(self) -> float:
+        """Bound of the error by the drift of the clocks within the window [s]; infinite before the first frame."""
+        blocks = self._blocks
+        return QUARTZ * (blocks[-1][0] - blocks[0][0] + BLOCK_S) if blocks else float("inf")
+
+
+REMEMBERED_FRAMES = 256
+"""Number of past frames with which a new frame is compared to detect repeats; they span 0.6 s at 400 Hz."""
+
+
+class WrappingCounter:
+    """Turns successive values of one of the board's 32-bit counters into numbers that do not wrap.
+
+    Parameters
+    ----------
+    goes_back : whether the counter may step backward. Sequence numbers may, because a restart of the board resets
+        them; their steps are from -2^31 to 2^31 - 1. Device time never decreases; its steps are from 0 to 2^32 - 1 us
+        (71.6 minutes)
+    """
+
+    def __init__(self, *, goes_back: bool) -> None:
+        self._goes_back = goes_back
+        self._last: int | None = None
+
+    def next(self, value: int) -> tuple[int, int]:
+        """The unwrapped number for a counter value, and the step from the previous value.
+
+        The step of the first value is 1. For single values, `next` is faster than `extended`.
+        """
+        if self._last is None:
+            self._last = value
+            return value, 1
+        step = (value - self._last) % WRAP
+        if self._goes_back and step >= WRAP // 2:
+            step -= WRAP
+        self._last += step
+        return self._last, step
+
+    def extended(self, values: CountArray) -> tuple[IntArray, IntArray]:
+        """The unwrapped numbers for n counter values, and for each the step from the previous value; shapes (n,).
+
+        The step of the very first value is 1.
+        """
+        if not len(values):
+            return np.zeros(0, np.int64), np.zeros(0, np.int64)
+        plain = values.astype(np.int64)
+        last = int(plain[0]) - 1 if self._last is None else self._last
+        steps = np.diff(plain, prepend=last) % WRAP
+        if self._goes_back:
+            steps = np.where(steps < WRAP // 2, steps, steps - WRAP)
+        whole = last + np.cumsum(steps)
+        self._last = int(whole[-1])
+        return whole, steps
+
+
+class Repeats:
+    """Detects frames delivered twice, whose sequence number and time equal those of one of the last 256 frames.
+
+    A restarted board repeats its sequence numbers, but not with the same times.
+    """
+
+    def __init__(self) -> None:
+        self._order: deque[bytes] = deque()
+        self._seen: set[bytes] = set()
+
+    def has(self, message: bytes) -> bool:
+        """Whether a message of readings repeats one of the last 256; if it does not, it is remembered."""
+        stamp = message[STAMP]
+        if stamp in self._seen:
+            return True
+        if len(self._order) == REMEMBERED_FRAMES:
+            self._seen.remove(self._order.popleft())
+        self._order.append(stamp)
+        self._seen.add(stamp)
+        return False
+
+
+def restarts(values: CountArray, last: int) -> IntArray:
+    """Indices of the frames that are the first after a restart of the board.
+
+    The board has restarted if a sequence number is not above the previous one, modulo 2^32.
+
+    Parameters
+    ----------
+    values : sequence numbers of the frames, shape (n,)
+    last : sequence number before the first of them
+    """
+    steps: IntArray = np.diff(values.astype(np.int64), prepend=last).astype(np.int64) % WRAP
+    places: IntArray = np.flatnonzero((steps == 0) | (steps >= WRAP // 2))
+    return places
+
 
 US_PER_S = 1e6
 RATE_FRAMES = 256

@@ -1,4 +1,4 @@
-"""Packs and unpacks the messages between board and host.
+"""Packs and unpacks the messages between board and host, and finds them in a stream of bytes.
 
 All numbers are little-endian. Every message ends in a CRC-32 (`zlib.crc32`) over all preceding bytes, including
 the magic. The high half of byte 2 is the protocol's version, and the low half is the type of message or the command.
@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cache
@@ -349,3 +349,72 @@ def _places(layout: FrameFormat) -> tuple[IntArray, CountArray]:
     """
     first, shift = np.divmod(np.arange(layout.readings) * layout.bits, 8)
     return first, shift.astype(np.uint32)
+
+
+Message = tuple[int, bytes]
+"""A message from the board: its byte 2, which gives its type, and all its bytes."""
+
+HEAD_BYTES = 3
+
+
+class Scanner:
+    """Finds the complete messages in successive pieces of a stream, which may be damaged, cut, or begin in a message.
+
+    Bytes that begin with the magic and a type are a candidate, which is a message if its CRC matches. Otherwise the
+    search continues one byte further on, so that no complete message after a damaged one is lost; the bytes behind the
+    candidate's start have then waited until its full length arrived. Less than one message is kept between two pieces.
+
+    Parameters
+    ----------
+    lengths : length in bytes of each type of message, by the message's byte 2
+    magic : the two bytes with which a message begins
+    """
+
+    def __init__(self, lengths: Mapping[int, int], magic: bytes = MAGIC) -> None:
+        self._lengths = dict(lengths)
+        self._magic = magic
+        self._kept = b""
+        self.damaged = 0
+        """Number of byte sequences so far that began like a message but had a wrong CRC."""
+        self.skipped_bytes = 0
+        """Number of bytes so far that belong to no message; bytes of a message still arriving are not counted."""
+
+    @property
+    def kept_bytes(self) -> int:
+        """Number of bytes received so far of a possible message that is not yet complete."""
+        return len(self._kept)
+
+    def forget(self) -> None:
+        """Discard the bytes of an unfinished message, for example after an interruption of the line."""
+        self.skipped_bytes += len(self._kept)
+        self._kept = b""
+
+    def feed(self, piece: bytes) -> list[Message]:
+        """The messages that this piece of the stream completes, in the order of arrival."""
+        stream = self._kept + piece if self._kept else piece
+        found: list[Message] = []
+        at, end = 0, len(stream)
+        while True:
+            begun = stream.find(self._magic, at)
+            if begun < 0:
+                at = end - 1 if stream.endswith(self._magic[:1], at) else end
+                break
+            at = begun
+            if at + HEAD_BYTES > end:
+                break
+            length = self._lengths.get(stream[at + 2])
+            if length is None:
+                at += 1
+            elif at + length > end:
+                break
+            elif is_whole(message := stream[at : at + length]):
+                found.append((message[2], message))
+                at += length
+            else:
+                self.damaged += 1
+                at += 1
+        self._kept = stream[at:]
+        self.skipped_bytes += at - sum(
+            len(message) for _, message in found
+        )  # in one step: others may be reading it
+        return found

@@ -20,13 +20,18 @@ from optopad.design.files import require_suffix, whole_file
 from optopad.design.progress import OnStep, silent
 from optopad.design.recordings import LOSSES, sets_json, signals_of
 from optopad.fabrication.driver.descriptor import UNITS, descriptor_of
-from optopad.fabrication.driver.link.counters import Repeats, WrappingCounter, restarts
+from optopad.fabrication.driver.link.frames import Repeats, WrappingCounter, restarts
 from optopad.fabrication.driver.link.protocol import STAMP, Unpacked, frame_format, unpack_frames
 from optopad.fabrication.driver.recording.bag import is_bag, read_mcap
 from optopad.fabrication.driver.recording.mcap_file import FRAMES_A_PIECE, MCAP_SUFFIX, STEP, write_mcap
-from optopad.fabrication.driver.recording.press_labels import NEVER_NS, Moments, PressLabels, press_labels
 from optopad.fabrication.driver.recording.raw import RawRecording, RecordKind, packed_size, read_raw
-from optopad.fabrication.driver.recording.recorded import Recorded
+from optopad.fabrication.driver.recording.recorded import (
+    NEVER_NS,
+    Moments,
+    PressLabels,
+    Recorded,
+    press_labels,
+)
 from optopad.fabrication.driver.simulated.finger import FingerPath
 
 if TYPE_CHECKING:

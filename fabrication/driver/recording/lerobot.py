@@ -290,7 +290,8 @@ class _DataSet:
         pd.DataFrame(self._rows).to_parquet(episodes, engine="pyarrow", index=False)
         tasks = pd.DataFrame({"task_index": range(len(self._tasks))}, index=self._tasks)
         tasks.to_parquet(meta / "tasks.parquet", engine="pyarrow")
-        for name, document in (("info", self._info), ("stats", _aggregated(self._stats))):
+        stats = {name: _aggregated([one[name] for one in self._stats]) for name in self._stats[0]}
+        for name, document in (("info", self._info), ("stats", stats)):
             (meta / f"{name}.json").write_text(json.dumps(document, indent=4), encoding="utf-8")
         return replace(self._written, episodes=len(self._rows), total_episodes=self._info["total_episodes"])
 
@@ -455,18 +456,15 @@ def _steps(
     is_empty = begins == ends
     begins = np.minimum(begins, ends - 1)
     counts = recorded.counts[part]
-    columns = {SIGNALS: np.empty((count, *_shape(counts, take, rows)), np.float32)}
+    pairs = (counts.shape[1] - 1) * counts.shape[2]
+    shape = (count, rows, pairs) if take == "all" else (count, pairs)
+    columns = {SIGNALS: np.empty(shape, np.float32)}
     for k, (a, b) in enumerate(zip(begins.tolist(), ends.tolist(), strict=True)):
         signals = signals_of(counts[a:b].astype(np.float64))
         columns[SIGNALS][k] = gathered(signals.reshape(b - a, -1), take, rows)
     if recorded.press_mm is not None:
         columns[PRESS] = recorded.press_mm[part][ends - 1].astype(np.float32)
     return columns, int(is_empty.sum())
-
-
-def _shape(counts: NDArray[np.uint16], take: Take, rows: int) -> tuple[int, ...]:
-    pairs = (counts.shape[1] - 1) * counts.shape[2]
-    return (rows, pairs) if take == "all" else (pairs,)
 
 
 def _table_of(columns: dict[str, Any]) -> Any:
@@ -499,12 +497,8 @@ def _statistics(values: NDArray[Any]) -> dict[str, Any]:
     return {name: one.tolist() for name, one in found.items()}
 
 
-def _aggregated(stats: list[Statistics]) -> Statistics:
-    """Statistics of several episodes together; quantiles are weighted means, as in LeRobot."""
-    return {name: _aggregated_feature([one[name] for one in stats]) for name in stats[0]}
-
-
-def _aggregated_feature(parts: list[dict[str, Any]]) -> dict[str, Any]:
+def _aggregated(parts: list[dict[str, Any]]) -> dict[str, Any]:
+    """Statistics of a feature over several episodes; quantiles are weighted means, as in LeRobot."""
     stacked = {key: np.array([one[key] for one in parts]) for key in parts[0]}
     share = stacked["count"] / stacked["count"].sum()
     share = share.reshape(-1, *(1,) * (stacked["mean"].ndim - 1))

@@ -27,14 +27,12 @@ from optopad.design.arrays import FloatArray, IntArray
 from optopad.design.errors import OutputError
 from optopad.design.files import require_suffix, whole_file
 from optopad.design.progress import OnStep, silent
-from optopad.fabrication.driver.link.clock import BoardClock
-from optopad.fabrication.driver.link.frames import US_PER_S, Frame, FrameDecoder
+from optopad.fabrication.driver.link.frames import US_PER_S, BoardClock, Frame, FrameDecoder
 from optopad.fabrication.driver.link.protocol import frame_format
 from optopad.fabrication.driver.recording.raw import Record, RecordKind, Sink, press_of, write_all
 from optopad.fabrication.driver.recording.recorded import LOSSES_NAME, Recorded, losses_metadata
-from optopad.fabrication.driver_file import DriverConfig
-from optopad.fabrication.record import plain_of
-from optopad.fabrication.ros2.messages import PACKAGE, definition
+from optopad.fabrication.driver_file import DriverConfig, plain_of
+from optopad.fabrication.ros2 import PACKAGE, definition
 
 MCAP_SUFFIX = ".mcap"
 CHUNK_BYTES = 16384

@@ -22,7 +22,7 @@ from optopad.design.arrays import FloatArray, IntArray
 from optopad.design.errors import InputError
 from optopad.fabrication.driver.recording.bag_file import Channel
 from optopad.fabrication.driver.recording.mcap_file import FRAME, NS_PER_S, PRESS
-from optopad.fabrication.ros2.messages import definition, names
+from optopad.fabrication.ros2 import definition, names
 
 ROS2 = "ros2msg"
 HEAD_BYTES = 4

@@ -26,7 +26,7 @@ from optopad.design.arrays import BoolArray, FloatArray, IntArray
 from optopad.design.csv_table import CsvTable, is_number, read_csv
 from optopad.design.errors import InputError, shown
 from optopad.design.recordings import UNNAMED, SetEntry
-from optopad.fabrication.driver.recording.press_labels import PressLabels
+from optopad.fabrication.driver.recording.recorded import PressLabels
 
 LENGTHS_MM = {"_mm": 1.0, "_um": 1e-3, "_cm": 10.0, "_m": 1e3}
 TICKS_S = {"_s": 1.0, "_ms": 1e-3, "_us": 1e-6, "_ns": 1e-9}

@@ -36,8 +36,7 @@ from optopad.design.errors import InputError
 from optopad.design.files import BYTES_FOR_KIND, kind_of, opened_file, size_of, too_large
 from optopad.design.progress import OnStep, silent
 from optopad.fabrication.driver.link.protocol import frame_format
-from optopad.fabrication.driver_file import DriverConfig, config_from_document
-from optopad.fabrication.record import plain_of
+from optopad.fabrication.driver_file import DriverConfig, config_from_document, plain_of
 
 FORMAT, VERSION = "optopad-recording", 1
 SUFFIX = ".optorec"

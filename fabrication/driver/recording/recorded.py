@@ -1,8 +1,14 @@
-"""A recording's frames as arrays, and the known press of each frame."""
+"""A recording's frames as arrays, and the known press of each frame: location, depth, and set of presses.
+
+A known press is valid until the next one. Frames and presses are compared by one clock: that of the recorder, which
+gave both their times. Equal times are decided by the order in which the recorder wrote them. If the recorder's clock
+was set back, times are ambiguous, and this order decides alone. A frame whose press remains unknown has no label.
+"""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -11,9 +17,209 @@ from numpy.typing import NDArray
 
 from optopad.design.arrays import BoolArray, FloatArray, IntArray
 from optopad.design.errors import InputError
-from optopad.design.recordings import signals_of
-from optopad.fabrication.driver.recording.press_labels import PressLabels
+from optopad.design.recordings import SetEntry, signals_of
 from optopad.fabrication.driver_file import DriverConfig
+
+NS_PER_S = 1_000_000_000
+SET_BACK_NS = NS_PER_S
+"""Backward step in the times of successive frames above which the clock is taken as set back [ns]."""
+EARLIEST_NS = 60 * NS_PER_S
+"""Longest time before the first frame in which a press may have been set that is still valid then [ns]."""
+NEVER_NS = np.iinfo(np.int64).min
+
+
+@dataclass(frozen=True, kw_only=True)
+class PressLabels:
+    """The press during each of n frames of a recording.
+
+    Attributes
+    ----------
+    press_mm : x, y and depth according to the stage, shape (n, 3) [mm]; the pad is untouched if depth is 0 or less
+    set_number : index of the set in `sets`, shape (n,); None if unknown
+    place_number : number of the press within its set, shape (n,); None if unknown
+    sets : the sets of presses
+
+    Raises
+    ------
+    InputError : a position is not a finite number.
+    """
+
+    press_mm: FloatArray
+    set_number: IntArray | None = None
+    place_number: IntArray | None = None
+    sets: tuple[SetEntry, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Refuse positions that are not finite numbers."""
+        bad = np.flatnonzero(~np.isfinite(self.press_mm).all(axis=1))
+        if len(bad):
+            x_mm, y_mm, depth_mm = self.press_mm[bad[0]]
+            raise InputError(
+                f"the press of {len(bad)} of {len(self.press_mm)} frames is not finite, first of frame {bad[0] + 1}: "
+                f"{x_mm:g}, {y_mm:g}, {depth_mm:g} mm; correct it, or drop these frames"
+            )
+
+    def only(self, kept: BoolArray) -> PressLabels:
+        """The presses of the frames for which `kept` is True, with all sets."""
+        return PressLabels(
+            press_mm=self.press_mm[kept],
+            set_number=None if self.set_number is None else self.set_number[kept],
+            place_number=None if self.place_number is None else self.place_number[kept],
+            sets=self.sets,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Moments:
+    """When n frames or presses were recorded.
+
+    Attributes
+    ----------
+    time_ns : times by the recorder's clock, shape (n,) [ns]
+    place : place of each in the order in which the recorder wrote frames and presses, shape (n,)
+    """
+
+    time_ns: IntArray
+    place: IntArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class Start:
+    """Where another recording of the same sensor begins; presses between the two are not recorded.
+
+    Attributes
+    ----------
+    before_ns : time of the last frame of the recording before [ns]
+    first_ns : time of the first frame or press of the new recording [ns]
+    place : place of that frame or press in the order in which all were written
+    """
+
+    before_ns: int
+    first_ns: int
+    place: int
+
+
+def press_labels(
+    press_mm: FloatArray,
+    presses: Moments,
+    frames: Moments,
+    gaps_ns: Sequence[tuple[int, int]] = (),
+    starts: Sequence[Start] = (),
+) -> tuple[PressLabels, BoolArray]:
+    """Press of each frame, and whether it is known; frames before the first press of their recording are untouched.
+
+    In a recording that has no press, or that follows one with a press, they are unknown.
+
+    Parameters
+    ----------
+    press_mm : (press, 3) x, y, depth of known presses, at least one [mm]
+    presses, frames : when they were recorded; frames in the order in which the sensor sent them
+    gaps_ns : times of the last record before and the first one behind each gap in which presses may be missing [ns]
+    starts : where further recordings begin
+
+    Raises
+    ------
+    InputError : no press was set during the frames, or order and times contradict each other.
+    """
+    if _step_back_ns(frames.time_ns) > SET_BACK_NS:
+        number = _by_order(presses, frames)
+        if gaps_ns:
+            raise InputError(
+                f"the clock was set back and parts of the recording are missing: {_spans(presses, frames)}; the "
+                "press of a frame cannot be known, record again"
+            )
+        known = np.ones(len(number), dtype=np.bool_)
+        pressed = np.where(number >= 0, presses.place[np.maximum(number, 0)], presses.place.min())
+        for start in starts:
+            known &= (frames.place < start.place) == (pressed < start.place)
+    else:
+        _require_overlap(presses, frames)
+        number, known = _by_time(presses, frames)
+        pressed_ns = np.where(number >= 0, presses.time_ns[np.maximum(number, 0)], NEVER_NS)
+        for begin_ns, end_ns in gaps_ns:
+            if end_ns < begin_ns:
+                raise InputError(
+                    "parts of the recording are missing, and the others are not in the order of time: the press of a "
+                    "frame cannot be known; repair the file, as by `mcap recover` and `mcap sort`"
+                )
+            known &= (frames.time_ns <= begin_ns) | (pressed_ns >= end_ns)
+        pressed_ns = np.where(number >= 0, pressed_ns, presses.time_ns.min())
+        for start in starts:
+            known &= (frames.time_ns <= start.before_ns) == (pressed_ns < start.first_ns)
+    untouched = np.array([press_mm[0, 0], press_mm[0, 1], 0.0])
+    labels = np.where((number >= 0)[:, None], press_mm[np.maximum(number, 0)], untouched)
+    return PressLabels(press_mm=labels), known
+
+
+def _by_time(presses: Moments, frames: Moments) -> tuple[IntArray, BoolArray]:
+    """Number of the press before each frame by time, -1 before the first; known if every order of the times agrees."""
+    presses = _valid_from_their_time(presses, frames)
+    latest_ns: IntArray = np.maximum.accumulate(frames.time_ns)
+    number = _before(presses, Moments(time_ns=latest_ns, place=frames.place))
+    if (latest_ns == frames.time_ns).all():
+        return number, np.ones(len(number), dtype=np.bool_)
+    earliest_ns: IntArray = np.minimum.accumulate(frames.time_ns[::-1])[::-1]
+    return number, number == _before(presses, Moments(time_ns=earliest_ns, place=frames.place))
+
+
+def _valid_from_their_time(presses: Moments, frames: Moments) -> Moments:
+    """The presses, with those before the frames of the same time that were written after a later frame: a program
+    stated their times afterwards."""
+    time_ns: IntArray = np.maximum.accumulate(frames.time_ns)
+    after = np.searchsorted(time_ns, presses.time_ns, side="right")
+    is_stated = (after < len(time_ns)) & (presses.place > frames.place[np.minimum(after, len(time_ns) - 1)])
+    return Moments(time_ns=presses.time_ns, place=np.where(is_stated, -1, presses.place))
+
+
+def _before(presses: Moments, frames: Moments) -> IntArray:
+    count = len(frames.place)
+    order = np.lexsort(
+        (np.concatenate([frames.place, presses.place]), np.concatenate([frames.time_ns, presses.time_ns]))
+    )
+    is_press = order >= count
+    last = np.cumsum(is_press) - 1
+    sorted_presses = np.concatenate([[-1], order[is_press] - count])
+    found = np.empty(count, dtype=np.int64)
+    found[order[~is_press]] = sorted_presses[last[~is_press] + 1]
+    return found
+
+
+def _by_order(presses: Moments, frames: Moments) -> IntArray:
+    """Number of the press before each frame by the order in which the recorder wrote them."""
+    place = np.concatenate([frames.place, presses.place])
+    order = np.argsort(place, kind="stable")
+    time_ns = np.concatenate([frames.time_ns, presses.time_ns])[order]
+    is_press = order >= len(frames.place)
+    part = np.concatenate([[0], np.cumsum(np.diff(time_ns) < -SET_BACK_NS)])
+    alone = np.setdiff1d(part[is_press], part[~is_press])
+    if len(alone) or (np.diff(frames.place) < 0).any():
+        raise InputError(
+            f"the clock was set back, and presses and frames are not in the order in which they came: "
+            f"{_spans(presses, frames)}; record again without changing the clock"
+        )
+    return _before(*(Moments(time_ns=np.zeros_like(one.place), place=one.place) for one in (presses, frames)))
+
+
+def _require_overlap(presses: Moments, frames: Moments) -> None:
+    first, last = frames.time_ns.min(), frames.time_ns.max()
+    if not ((presses.time_ns >= first - EARLIEST_NS) & (presses.time_ns <= last)).any():
+        raise InputError(
+            f"no press was set during the frames: {_spans(presses, frames)}; are they of another recording, or by "
+            "another clock? Record both with one recorder"
+        )
+
+
+def _spans(presses: Moments, frames: Moments) -> str:
+    begun = frames.time_ns[0]
+    (a, b), (c, d) = (
+        ((one.time_ns.min() - begun) / NS_PER_S, (one.time_ns.max() - begun) / NS_PER_S)
+        for one in (frames, presses)
+    )
+    return f"frames from {a:.1f} to {b:.1f} s, presses from {c:.1f} to {d:.1f} s"
+
+
+def _step_back_ns(time_ns: IntArray) -> int:
+    return int((np.maximum.accumulate(time_ns) - time_ns).max()) if len(time_ns) else 0
 
 
 @dataclass(frozen=True, kw_only=True)

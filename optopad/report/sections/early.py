@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import dataclass
+from pathlib import Path
 
 from optopad.design.errors import InputError, ModelScopeError
+from optopad.design.shape.cavity import cavity_of
 from optopad.design.spec import SensorDesign
 from optopad.report.scenes.map_scene import MapScene
 from optopad.report.scenes.ray_scene import RayScene, ray_scene
 from optopad.report.sections.drawings import Drawing, drawings_without_tolerance
 from optopad.report.sections.maps import map_scene
+from optopad.sims.readings.readout import save_dataset, signals_dataset
+from optopad.sims.score.maps_file import maps_dataset
 from optopad.sims.score.result import ContinuityScore
-from optopad.work import beside
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,10 +41,22 @@ def early_drawings(design: SensorDesign, score: ContinuityScore, *, seed: int) -
     ----------
     seed : seed of the random paths of light
     """
-    with beside(lambda: _light(design, score, seed)) as light:
-        maps = map_scene(design, score)
-        drawings = drawings_without_tolerance(design, score, maps)
-    return EarlyDrawings(drawings=drawings, maps=maps, light=light())
+    maps = map_scene(design, score)
+    drawings = drawings_without_tolerance(design, score, maps)
+    return EarlyDrawings(drawings=drawings, maps=maps, light=_light(design, score, seed))
+
+
+def write_early(
+    design: SensorDesign, score: ContinuityScore, sims: Path, *, seed: int, with_page: bool
+) -> bytes | None:
+    """Write the data sets of a score, and make its early drawings if `with_page`; they are returned pickled."""
+    if score.pad_signals is not None and score.readout is not None:
+        gain = score.readout.counts_per_flux
+        save_dataset(
+            signals_dataset(score.pad_signals, cavity_of(design), counts_per_flux=gain), sims / "signals.nc"
+        )
+        save_dataset(maps_dataset(design, score), sims / "maps.nc")
+    return pickle.dumps(early_drawings(design, score, seed=seed)) if with_page else None
 
 
 def _light(design: SensorDesign, score: ContinuityScore, seed: int) -> RayScene | str | None:

@@ -23,9 +23,9 @@ from optopad.studio.actions import Ghost, Task
 from optopad.studio.drawings import QUANTITIES, curves_svg, map_svg, quantity, readings_svg
 from optopad.studio.editable_fields import EditableField, editable_fields_of
 from optopad.studio.live import LiveSensor, LiveView
-from optopad.studio.live_results import Curves, Failed, LiveVerdict, Look, Progress, Readings, Result
 from optopad.studio.sentences import bad_parts, curves_title, pins_html, said_html, sensor_html, verdict_html
 from optopad.studio.session import Session
+from optopad.studio.workshop import Curves, Failed, LiveVerdict, Look, Progress, Readings, Result
 
 PICTURE_S = 20.0
 LEAST_PX = (800, 600)
@@ -308,7 +308,7 @@ class Controls:
         gui: viser.GuiApi,
         session: Session,
         *,
-        later: Callable[[str, Callable[[], object], float], None],
+        later: Later,
         redraw: Callable[[], None],
         buttons: BackgroundJobs,
     ) -> None:
@@ -394,45 +394,17 @@ class Controls:
 
     def _hotkey(self, label: str, do: Callable[[], object], key: Any, modifier: Any) -> None:
         command = self._gui.add_command(label, hotkey=key, modifier=modifier)
-
-        def triggered(_event: object) -> None:
-            self._later(f"button {label}", do, 0.0)
-
-        command.on_trigger(triggered)
+        command.on_trigger(lambda _event: self._later(f"button {label}", do, 0.0))
 
     def _add_press(self) -> None:
         gui, press, design = self._gui, self._session.press, self._session.design
         space = cavity_of(design).workspace
         with gui.add_folder("Tip"):
-            spans = (
-                (
-                    "x [mm]",
-                    space.x0_mm,
-                    space.x1_mm,
-                    press.x_mm,
-                    "x_mm",
-                    "Or drag the tip; click the pad to jump.",
-                ),
-                (
-                    "y [mm]",
-                    space.y0_mm,
-                    space.y1_mm,
-                    press.y_mm,
-                    "y_mm",
-                    "Or drag the tip; click the pad to jump.",
-                ),
-                (
-                    "depth [mm]",
-                    0.0,
-                    design.operating.max_depth_mm,
-                    press.depth_mm,
-                    "depth_mm",
-                    "Or shift-drag the tip.",
-                ),
-            )
-            self._sliders = tuple(
-                self._slider(label, low, high, value, name, hint)
-                for label, low, high, value, name, hint in spans
+            drag, shift = "Or drag the tip; click the pad to jump.", "Or shift-drag the tip."
+            self._sliders = (
+                self._slider("x", space.x0_mm, space.x1_mm, press.x_mm, drag),
+                self._slider("y", space.y0_mm, space.y1_mm, press.y_mm, drag),
+                self._slider("depth", 0.0, design.operating.max_depth_mm, press.depth_mm, shift),
             )
             self._rays = gui.add_checkbox(
                 "sample rays", False, hint="Paths of the nearest pairs' light, by kind."
@@ -442,9 +414,10 @@ class Controls:
                 "move whole rows", False, hint="A dragged part moves its row: pitch or shift."
             )
 
-    def _slider(self, label: str, low: float, high: float, value: float, name: str, hint: str) -> Any:
+    def _slider(self, axis: str, low: float, high: float, value: float, hint: str) -> Any:
+        name = f"{axis}_mm"
         slider = self._gui.add_slider(
-            label,
+            f"{axis} [mm]",
             min=low,
             max=max(high, low + 0.01),
             step=0.05,
@@ -506,22 +479,14 @@ class Controls:
 
     def _add_buttons(self, buttons: BackgroundJobs) -> None:
         with self._gui.add_folder("Tasks"):
-            for label, name, do in (
-                ("Improve", "improve", buttons.improve),
-                ("Make the bundle", "build", buttons.build),
-                ("Open the report", "report", buttons.open_report),
-                ("Export picture", "picture", buttons.export_picture),
-                ("End the job", "end", buttons.end),
-            ):
-                self._button(label, name, do)
+            self._button("Improve", "improve", buttons.improve)
+            self._button("Make the bundle", "build", buttons.build)
+            self._button("Open the report", "report", buttons.open_report)
+            self._button("Export picture", "picture", buttons.export_picture)
+            self._button("End the job", "end", buttons.end)
 
     def _button(self, label: str, name: str, do: Callable[[], object]) -> None:
-        button = self._gui.add_button(label)
-
-        def clicked(_event: object) -> None:
-            self._later(f"do {name}", do, 0.0)
-
-        button.on_click(clicked)
+        self._gui.add_button(label).on_click(lambda _event: self._later(f"do {name}", do, 0.0))
 
     def _add_picture(self) -> None:
         with self._gui.add_folder("Picture", expand_by_default=False):

@@ -18,16 +18,15 @@ import viser
 from optopad.cad.mesh import Mesh
 from optopad.design.errors import OptopadError
 from optopad.design.shape.cavity import cavity_of
-from optopad.studio import live_results as found_by_work
+from optopad.studio import workshop as found_by_work
 from optopad.studio.actions import Ghost, MoldShop, Task
 from optopad.studio.live import LiveSensor, LiveView
-from optopad.studio.live_results import Failed, LiveVerdict, Look, Rays, Readings, Result
 from optopad.studio.sentences import bad_parts
 from optopad.studio.session import Said, Session
 from optopad.studio.view.controls import AnswersPanel, BackgroundJobs, Controls
 from optopad.studio.view.local_server import local_server
 from optopad.studio.view.scene import PadScene
-from optopad.studio.workshop import Request, Workshop
+from optopad.studio.workshop import Failed, LiveVerdict, Look, Rays, Readings, Request, Result, Workshop
 
 FRAME_S = 1.0 / 30.0
 IDLE_S = 0.1

@@ -20,7 +20,6 @@ from optopad.design.spec import SensorDesign
 from optopad.fabrication.driver.touch_reader import Touch
 from optopad.sims.rays import KINDS, LOST
 from optopad.studio.actions import Ghost
-from optopad.studio.live_results import Look, Rays
 from optopad.studio.pad_mesh import cut_open, side_walls, slab, struck_place, untouched_top
 from optopad.studio.session import LivePress, Session
 from optopad.studio.view.shapes import (
@@ -35,6 +34,7 @@ from optopad.studio.view.shapes import (
     tip_body,
     turn_deg,
 )
+from optopad.studio.workshop import Look, Rays
 
 Colour = tuple[int, int, int]
 PartDrag = viser.SceneNodeDragEvent[viser.BoxHandle]

@@ -6,8 +6,7 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from optopad.cli.options import checked_out, file_name
-from optopad.cli.verb import typed, verb
+from optopad.cli.verb import checked_out, file_name, typed, verb
 from optopad.design.io import write_text_atomically
 from optopad.design.progress import OnStep
 from optopad.fabrication.driver.check import check_frames

@@ -11,8 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from optopad.cli.interrupts import answered
-from optopad.cli.options import file_name, parsed_press
-from optopad.cli.verb import typed, verb
+from optopad.cli.verb import file_name, parsed_press, typed, verb
 from optopad.design.errors import DeviceError, InputError, OutputError
 from optopad.design.press_protocol import load_protocol_file
 from optopad.design.recordings import SetEntry

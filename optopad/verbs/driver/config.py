@@ -37,10 +37,8 @@ def config(
     prices : Your own prices, as a copy of bom.csv with unit_cost filled.
     budget : Compare the bill with an amount, as 25EUR.
     """
-    limit, own = (
-        None if budget is None else parsed_budget(budget),
-        None if prices is None else read_prices(prices),
-    )
+    limit = None if budget is None else parsed_budget(budget)
+    own = None if prices is None else read_prices(prices)
     require_valid(design)
     with bundle(design, out, seed=seed) as staging:
         rows = write_fabrication(design, staging, _known_gain(staging), _mold_mm3(design, staging), own)

@@ -8,8 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from optopad.cli.options import checked_out, file_name, named, parsed_offset
-from optopad.cli.verb import typed, verb
+from optopad.cli.verb import checked_out, file_name, named, parsed_offset, typed, verb
 from optopad.design.errors import InputError
 from optopad.design.progress import OnStep
 from optopad.fabrication.driver.recording.export import read_recorded, write_export
@@ -18,8 +17,8 @@ from optopad.fabrication.driver.recording.lerobot import Source, write_episodes
 from optopad.fabrication.driver.recording.position_log import read_position_log
 from optopad.fabrication.driver.recording.recorded import Recorded
 from optopad.fabrication.driver.simulated.finger import read_path
+from optopad.screen.live_sensor import recording_told
 from optopad.screen.output import Told, progress
-from optopad.screen.recording import recording_told
 
 if TYPE_CHECKING:
     from optopad.fabrication.driver.recording.lerobot import Take

@@ -8,12 +8,10 @@ from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
 
-from optopad.cli.options import checked_out, file_name
-from optopad.cli.verb import typed, verb
+from optopad.cli.verb import checked_out, file_name, typed, verb
 from optopad.design.errors import InputError
 from optopad.design.io import write_text_atomically
-from optopad.fabrication.driver.simulated.board import FakeBoard
-from optopad.fabrication.driver.simulated.faults import faults_of
+from optopad.fabrication.driver.simulated.board import FakeBoard, faults_of
 from optopad.fabrication.driver.simulated.finger import NO_FINGER, Finger, FingerPath, demo_path, read_path
 from optopad.fabrication.driver.simulated.port import FakePort, Wire, new_wire, require_free
 from optopad.fabrication.driver.simulated.press_table import PressTable
@@ -23,6 +21,8 @@ from optopad.screen.answer import as_typed
 from optopad.screen.output import print_json, progress, say
 from optopad.sensor import driver_source, press_table
 from optopad.work import OUT
+
+NO_PRESS = "no press of this design was simulated; name the design, or run `score`"
 
 
 @verb(
@@ -116,7 +116,7 @@ def _printer(
         reason = (
             "the tip is the finger; --path, --still and --out contradict that"
             if table.knows_presses
-            else "no press of this design was simulated; name the design, or run `score`"
+            else NO_PRESS
         )
         raise InputError(f"--stage-link: {reason}")
     area = said.workspace
@@ -126,23 +126,13 @@ def _printer(
 def _path(
     said: DriverConfig, table: PressTable, path: Path | None, still: bool, out: Path | None
 ) -> FingerPath:
-    finger = _finger(said, table, path, still)
+    is_still = still or not table.knows_presses
+    if path is not None and is_still:
+        raise InputError(f"--path: {'--still was given' if still else NO_PRESS}")
+    finger = read_path(path) if path is not None else NO_FINGER if is_still else demo_path(said.workspace)
     if out is not None:
         write_text_atomically(out, finger.csv_text())
     return finger
-
-
-def _finger(said: DriverConfig, table: PressTable, path: Path | None, still: bool) -> FingerPath:
-    if path is not None and (still or not table.knows_presses):
-        reason = (
-            "--still was given"
-            if still
-            else "no press of this design was simulated; name the design, or run `score`"
-        )
-        raise InputError(f"--path: {reason}")
-    if path is not None:
-        return read_path(path)
-    return NO_FINGER if still or not table.knows_presses else demo_path(said.workspace)
 
 
 def _serve(board: FakeBoard, wire: Wire, seconds: float | None) -> None:

@@ -12,8 +12,8 @@ from optopad.design.files import read_bytes
 from optopad.design.pad import Pad
 from optopad.design.parts.board_firmware import ArduinoProgram, BoardFirmware
 from optopad.design.spec import SensorDesign
+from optopad.fabrication.driver.link.link import require_no_printer
 from optopad.fabrication.driver.link.ports import GUESSED, find_port, is_guess, port_of_serial
-from optopad.fabrication.driver.link.printers import require_no_printer
 from optopad.fabrication.driver.sensor import PATIENCE_S
 from optopad.fabrication.driver_config import driver_config
 from optopad.fabrication.driver_file import BoardSetup

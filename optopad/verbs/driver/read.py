@@ -18,15 +18,21 @@ from rich.live import Live
 from rich.text import Text
 
 from optopad.cli.interrupts import answered
-from optopad.cli.options import file_name
-from optopad.cli.verb import typed, verb
+from optopad.cli.verb import file_name, typed, verb
 from optopad.design.errors import InputError, OutputError
 from optopad.fabrication.driver.drift import GUARD_S, TIME_CONSTANT_S
 from optopad.fabrication.driver.sensor import BASELINE_S, Sensor
 from optopad.fabrication.driver.touch_reader import TouchReader
-from optopad.screen.live_sensor import frame_json, link_line, live_table, strongest_change
+from optopad.screen.live_sensor import (
+    frame_json,
+    link_line,
+    live_table,
+    start_note,
+    strongest_change,
+    touch_json,
+    touch_view,
+)
 from optopad.screen.output import say
-from optopad.screen.touch_view import start_note, touch_json, touch_view
 from optopad.sensor import driver_source, fitting_model
 from optopad.sims.learning.inference.touch_model import TouchModel
 from optopad.work import OUT

@@ -7,8 +7,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from optopad.cli.options import file_name
-from optopad.cli.verb import typed, verb
+from optopad.cli.verb import file_name, typed, verb
 from optopad.design.errors import DeviceError, InputError
 from optopad.fabrication.driver.recording.export import can_export, read_recorded, write_netcdf
 from optopad.fabrication.driver.recording.raw import SUFFIX

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from optopad.cli.options import require_folder
-from optopad.cli.verb import typed, verb
-from optopad.fabrication.ros2.workspace import write_packages
+from optopad.cli.verb import require_folder, typed, verb
+from optopad.fabrication.ros2 import write_packages
 from optopad.screen.output import Told
 
 

@@ -1,4 +1,4 @@
-"""Closest hits of many rays, by the engine's radial table, the plain walk's formula and embree's triangles."""
+"""Closest hits of many rays, by the engine's radial table and by the plain walk's formula."""
 
 from __future__ import annotations
 
@@ -16,10 +16,6 @@ from optopad.sims.optics.surface.tops import Top, stack_tops
 from optopad.sims.press import Indentation
 from tests.bench.measures import forward_walk
 from tests.bench.measures.benchmark_states import benchmark_scene
-from tests.bench.measures.surface_mesh import box_mesh, top_mesh
-
-START_MM = 1e-4
-"""Embree starts this far along each ray, off the wall that it leaves [mm]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,24 +56,6 @@ def plain_hits(press: Indentation, centre_mm: FloatArray, lines: FloatArray, rep
     """The plain walk's intersection with a compact dimple."""
     forward_walk.closest_hits(benchmark_scene(), centre_mm, press, lines[:10])
     return _timed(lambda: forward_walk.closest_hits(benchmark_scene(), centre_mm, press, lines), repeats)
-
-
-def embree_hits(
-    height: Callable[[FloatArray], FloatArray], centre_mm: FloatArray, lines: FloatArray, repeats: int = 3
-) -> Hits:
-    """Embree on 73,728 triangles of the top, and those of walls and bottom; needs the package `embreex`."""
-    from embreex.mesh_construction import TriangleMesh
-    from embreex.rtcore_scene import EmbreeScene
-
-    scene, world = benchmark_scene(), EmbreeScene()
-    for vertices, triangles in (top_mesh(scene, centre_mm, height), box_mesh(scene)):
-        TriangleMesh(world, vertices[triangles].astype(np.float32))
-    directions = lines[:, 3:].astype(np.float32)
-    origins = lines[:, :3].astype(np.float32) + np.float32(START_MM) * directions
-    world.run(origins[:10], directions[:10], query="DISTANCE")
-    found = _timed(lambda: np.asarray(world.run(origins, directions, query="DISTANCE")), repeats)
-    distance = found.distance_mm.astype(np.float64) + START_MM
-    return Hits(distance_mm=distance, millions_per_second=found.millions_per_second)
 
 
 def _timed(run: Callable[[], FloatArray], repeats: int) -> Hits:

@@ -9,14 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline, RectBivariateSpline
 
-from optopad.design.arrays import FloatArray, IntArray
+from optopad.design.arrays import FloatArray
 from optopad.design.shape.top import Top
 from optopad.sims.optics.scene.optical_scene import OpticalScene, PadForm
 from optopad.sims.press import Indentation
 from tests.bench.measures.forward_walk import dimple_row
-
-GRID = 192
-"""Squares along each side of the top; two triangles each, 73,728 in all."""
 
 
 def compact_height(press: Indentation, top_mm: float) -> Callable[[FloatArray], FloatArray]:
@@ -199,30 +196,6 @@ def _beyond_mm(form: PadForm, places: FloatArray) -> FloatArray:
         away = np.hypot(px, py)
         beyond = np.where(px * ux + py * uy >= cosine * away, np.maximum(beyond, away - radius), beyond)
     return beyond
-
-
-def top_mesh(
-    scene: OpticalScene, centre_mm: FloatArray, height: Callable[[FloatArray], FloatArray], grid: int = GRID
-) -> tuple[FloatArray, IntArray]:
-    """Vertices (n, 3) [mm] and triangles (2 grid², 3) of the top on a regular grid, facing up."""
-    x, y = np.meshgrid(
-        np.linspace(0.0, scene.length_mm, grid + 1), np.linspace(0.0, scene.width_mm, grid + 1), indexing="ij"
-    )
-    z = height(np.hypot(x - centre_mm[0], y - centre_mm[1]))
-    vertices = np.column_stack([x.ravel(), y.ravel(), z.ravel()])
-    corner = (np.arange(grid)[:, None] * (grid + 1) + np.arange(grid)[None, :]).ravel()
-    east, north, far = corner + grid + 1, corner + 1, corner + grid + 2
-    triangles = np.concatenate([np.column_stack([corner, east, far]), np.column_stack([corner, far, north])])
-    return vertices, triangles
-
-
-def box_mesh(scene: OpticalScene) -> tuple[FloatArray, IntArray]:
-    """Vertices (8, 3) [mm] and triangles (10, 3) of walls and bottom."""
-    size = np.array([scene.length_mm, scene.width_mm, scene.height_mm])
-    vertices = np.array([(i, j, k) for i in (0, 1) for j in (0, 1) for k in (0, 1)]) * size
-    quads = [(0, 2, 6, 4), (0, 4, 5, 1), (2, 3, 7, 6), (0, 1, 3, 2), (4, 6, 7, 5)]
-    triangles = [(a, b, c) for p, q, r, s in quads for a, b, c in ((p, q, r), (p, r, s))]
-    return vertices, np.array(triangles)
 
 
 def cosine_rays(scene: OpticalScene, count: int, seed: int = 0) -> FloatArray:

@@ -23,7 +23,7 @@ from optopad.fabrication.driver.link.protocol import frame_format, pack_frames
 from optopad.fabrication.driver.recording import mcap_file
 from optopad.fabrication.driver.recording.mcap_file import FRAME, PRESS, SENSOR, nanoseconds
 from optopad.fabrication.driver.recording.messages import _frame_layout
-from optopad.fabrication.ros2.messages import definition
+from optopad.fabrication.ros2 import definition
 from tests.fabrication.driver.made_up_pad import pad_config, press_table
 
 CONFIG = pad_config()

@@ -20,8 +20,8 @@ import serial
 from optopad.design.errors import DeviceError, InputError
 from optopad.fabrication.driver import Sensor
 from optopad.fabrication.driver.link import link
+from optopad.fabrication.driver.link.link import printer_words, require_no_printer
 from optopad.fabrication.driver.link.ports import FoundPort, Port, find_port, is_guess, port_of_serial
-from optopad.fabrication.driver.link.printers import printer_words, require_no_printer
 from optopad.fabrication.driver.link.protocol import FrameFormat, Hello, pack_frames, pack_hello
 from optopad.fabrication.driver.recording.export import read_recorded
 from optopad.fabrication.driver.simulated.board import FakeBoard
@@ -299,7 +299,7 @@ def test_a_printer_is_known_by_its_words_and_is_told_nothing_by_a_guess(
 
 
 def test_a_port_where_no_printer_answers_may_be_written_to(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("optopad.fabrication.driver.link.printers.ANSWER_S", 0.1)
+    monkeypatch.setattr("optopad.fabrication.driver.link.link.PRINTER_ANSWER_S", 0.1)
     silent = Talker(b"", lambda piece: b"")
     for device in (
         board(),

@@ -12,7 +12,7 @@ from optopad.fabrication.driver import Frame, Sensor
 from optopad.fabrication.driver.check import Verdict, check_frames
 from optopad.fabrication.driver.descriptor import descriptor_of
 from optopad.fabrication.driver.link.protocol import SelfTest
-from optopad.fabrication.driver.simulated.faults import faults_of
+from optopad.fabrication.driver.simulated.board import faults_of
 from optopad.fabrication.driver.simulated.port import FakePort
 from tests.fabrication.driver.made_up_pad import board, frame, pad_config, untouched
 

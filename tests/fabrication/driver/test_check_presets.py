@@ -13,7 +13,7 @@ import pytest
 from optopad.design.preset import FLAT_PRESETS, preset
 from optopad.fabrication.driver.check import Verdict, check_frames
 from optopad.fabrication.driver.descriptor import Descriptor, descriptor_of
-from optopad.fabrication.driver.simulated.faults import faults_of
+from optopad.fabrication.driver.simulated.board import faults_of
 from optopad.fabrication.driver_config import dump_driver_config
 from optopad.fabrication.driver_file import DriverConfig, config_from_document
 from optopad.sensor import simulated_gain

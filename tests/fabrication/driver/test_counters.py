@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from optopad.fabrication.driver.link.counters import WrappingCounter
+from optopad.fabrication.driver.link.frames import WrappingCounter
 
 RATE_HZ = 400
 DAY_FRAMES = 24 * 3600 * RATE_HZ

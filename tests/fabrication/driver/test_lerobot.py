@@ -26,7 +26,7 @@ from optopad.fabrication.driver.recording.lerobot import (
     write_episodes,
     write_lerobot,
 )
-from optopad.fabrication.driver.recording.press_labels import PressLabels
+from optopad.fabrication.driver.recording.recorded import PressLabels
 from optopad.fabrication.driver.simulated.port import FakePort
 from tests.fabrication.driver.made_up_pad import board, pad_config
 from tests.fabrication.driver.made_up_recording import RATE_HZ, tip_path, write_recording

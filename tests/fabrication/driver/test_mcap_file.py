@@ -22,7 +22,7 @@ from optopad.fabrication.driver.recording.export import read_recorded
 from optopad.fabrication.driver.recording.mcap_file import nanoseconds, seconds
 from optopad.fabrication.driver.recording.recorder import Recorder
 from optopad.fabrication.driver.simulated.port import FakePort
-from optopad.fabrication.ros2.messages import COMMON, definition, names
+from optopad.fabrication.ros2 import COMMON, definition, names
 from optopad.sims.readings.recording import read_recording
 from optopad.work import as_netcdf
 from tests.fabrication.driver.made_up_pad import board, pad_config

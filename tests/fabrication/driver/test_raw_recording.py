@@ -25,13 +25,12 @@ from optopad.fabrication.driver.link.protocol import FrameFormat, pack_frames
 from optopad.fabrication.driver.recording import export, mcap_file, raw
 from optopad.fabrication.driver.recording import recorder as recorder_module
 from optopad.fabrication.driver.recording.export import read_recorded, write_csv, write_netcdf
-from optopad.fabrication.driver.recording.press_labels import PressLabels
 from optopad.fabrication.driver.recording.raw import PRESS, RecordKind, packed_record, read_records
+from optopad.fabrication.driver.recording.recorded import PressLabels
 from optopad.fabrication.driver.recording.recorder import Recorder
 from optopad.fabrication.driver.simulated.finger import FingerPath
 from optopad.fabrication.driver.simulated.port import FakePort, PtyWire
-from optopad.fabrication.driver_file import config_from_document
-from optopad.fabrication.record import plain_of
+from optopad.fabrication.driver_file import config_from_document, plain_of
 from optopad.sims.readings.recording import read_recording
 from tests.fabrication.driver.made_up_pad import board, pad_config
 

@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 from optopad.fabrication.driver.link.protocol import (
     MAGIC,
     FrameFormat,
+    Scanner,
     SelfTest,
     message_lengths,
     pack_frames,
     pack_self_test,
 )
-from optopad.fabrication.driver.link.scanner import Scanner
 
 PAD = FrameFormat(emitters=8, receivers=8, bits=10)
 LENGTHS = message_lengths(PAD)

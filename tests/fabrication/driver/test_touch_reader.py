@@ -13,7 +13,7 @@ from optopad.fabrication.driver import Sensor
 from optopad.fabrication.driver.simulated.finger import FingerPath
 from optopad.fabrication.driver.simulated.port import FakePort
 from optopad.fabrication.driver.touch_reader import Touch, TouchReader, require_fits
-from optopad.screen.touch_view import picture, touch_json
+from optopad.screen.live_sensor import picture, touch_json
 from optopad.sims.learning.inference.touch_model import Prediction, prediction_of
 from tests.fabrication.driver.made_up_model import header, made_up_model
 from tests.fabrication.driver.made_up_pad import board, pad_config

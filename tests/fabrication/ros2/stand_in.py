@@ -18,7 +18,7 @@ import numpy as np
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.base import Nodetype
 
-from optopad.fabrication.ros2.messages import definition, names
+from optopad.fabrication.ros2 import definition, names
 
 PACKAGE = Path(__file__).parents[3] / "fabrication" / "ros2" / "optopad_ros"
 NODE = PACKAGE / "optopad_ros" / "sensor_node.py"

@@ -316,7 +316,7 @@ def test_a_fault_of_the_node_s_own_ends_its_process_with_an_error(
     with FakePort(board()) as port:
         given = {"config": str(files[0]), "port": port.name, "rate": 200.0, "autostart": True}
         monkeypatch.setattr(LifecycleNode, "given", given)
-        monkeypatch.setattr(module.fields, "frame_message", fail)
+        monkeypatch.setattr(module, "frame_message", fail)
         assert module.main() == 1
     (node,) = Rclpy.nodes
     assert "ZeroDivisionError" in node.log.lines[-1]

@@ -13,7 +13,7 @@ import pytest
 from optopad import __version__
 from optopad.cli import main
 from optopad.fabrication.ros2 import __main__ as driver_alone
-from optopad.fabrication.ros2.messages import definition, names
+from optopad.fabrication.ros2 import definition, names
 
 ROOT = Path(__file__).parents[3]
 

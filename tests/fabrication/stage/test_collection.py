@@ -14,8 +14,7 @@ from optopad.design.recordings import SetEntry
 from optopad.fabrication.driver.link.frames import FrameDecoder
 from optopad.fabrication.driver.link.protocol import frame_format
 from optopad.fabrication.stage.collection import CollectedParts, Collector
-from optopad.fabrication.stage.stage import PressList, press_list, read_press_list
-from optopad.fabrication.stage.tip_path import NOWHERE, joined_path, leg
+from optopad.fabrication.stage.stage import NOWHERE, PressList, joined_path, leg, press_list, read_press_list
 from optopad.sims.readings.dataset import read_data
 from tests.fabrication.driver.made_up_pad import press_table
 from tests.fabrication.driver.test_mcap_file import BEGUN_S, CONFIG, FRAMES

@@ -9,7 +9,7 @@ import pytest
 
 from optopad.cli.commands import whole_command
 from optopad.cli.main import BAD_INPUT, main
-from optopad.cli.options import require_folder
+from optopad.cli.verb import require_folder
 from optopad.design.errors import InputError
 from optopad.design.files import require_suffix
 from optopad.fabrication.driver.simulated.port import PtyWire

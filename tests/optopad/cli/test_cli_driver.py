@@ -27,7 +27,7 @@ from optopad.design.preset import preset
 from optopad.fabrication.driver import Sensor
 from optopad.fabrication.driver.link.ports import FoundPort
 from optopad.fabrication.driver.recording.export import read_recorded
-from optopad.fabrication.driver.simulated.faults import faults_of
+from optopad.fabrication.driver.simulated.board import faults_of
 from optopad.fabrication.driver.simulated.port import FakePort
 from optopad.fabrication.driver_config import dump_driver_config
 from optopad.screen.live_sensor import live_table

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from optopad.design.preset import preset
-from optopad.screen.verdict import verdict_screen
+from optopad.screen.verdict import answer_of
 from optopad.screen.verdict_sentences import fix_words, sentences_of, tool_words
 from optopad.sims.verdict.trial import Move, Trial, TriedMove
 from tests.sims.made_up_scores import dead_score
@@ -33,7 +33,7 @@ FOUND = Trial(
 
 def test_the_next_command_makes_the_move_that_helps():
     command = "pad.toml --set receivers.height_mm=6"
-    lines = verdict_screen(PAD, replace(dead_score(), trial=FOUND), [], command=command)
+    lines = answer_of(PAD, replace(dead_score(), trial=FOUND), "").lines([], command=command)
     said = " ".join(" ".join(lines).split())
     assert (
         "next optopad score pad.toml --set receivers.height_mm=5.1 "
@@ -41,7 +41,7 @@ def test_the_next_command_makes_the_move_that_helps():
     ) in said
     assert sentences_of(PAD, replace(dead_score(), trial=FOUND)).fix == fix_words(FOUND)
     more = replace(FOUND, found="more parts", moves=(MORE,))
-    lines = verdict_screen(PAD, replace(dead_score(), trial=more), [], command="pad.toml")
+    lines = answer_of(PAD, replace(dead_score(), trial=more), "").lines([], command="pad.toml")
     assert "optopad improve pad.toml --more-parts" in " ".join(" ".join(lines).split())
 
 

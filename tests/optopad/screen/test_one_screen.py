@@ -12,7 +12,7 @@ from optopad.design.preset import preset
 from optopad.report.sections.maps import bounds_words
 from optopad.screen.answer import LINES, WIDTH, as_typed
 from optopad.screen.check import findings_screen
-from optopad.screen.verdict import bound_lines, verdict_screen
+from optopad.screen.verdict import answer_of, bound_lines
 from optopad.screen.verdict_sentences import sentences_of
 from optopad.sims.verdict.causes import Cause, Witness
 from tests.design.for_each import for_each
@@ -61,7 +61,7 @@ def test_a_verdict_fits_on_one_screen(design, score, lack):
         score = replace(score, causes=(cause(lack),))
     score = replace(score, warnings=tuple(f"a long warning {'of many words ' * 30}{n}" for n in range(20)))
     files = "files       outputs/pad-12345678"
-    lines = verdict_screen(design, score, [files], command="pad.toml")
+    lines = answer_of(design, score, "").lines([files], command="pad.toml")
     assert len(lines) <= LINES
     assert max(map(len, lines)) <= WIDTH
     assert lines[0].split()[:2] == ["design", score.name]
@@ -80,7 +80,7 @@ def test_the_errors_of_a_learner_are_below_the_bound_of_a_pad_and_of_nothing_els
         (replace(contiguous_score(PAIR), bounds=made_up_bounds(PAD)), False),
         (out_of_scope_score(PAD), False),
     ):
-        lines = verdict_screen(PAD, score, [], learner=words)
+        lines = answer_of(PAD, score, "").lines([], learner=words)
         labels = [line.split()[0] for line in lines if not line.startswith(" ")]
         assert ("learner" in labels) == is_shown
         if is_shown:
@@ -106,8 +106,8 @@ def test_it_says_which_value_to_measure_and_how_well():
 
 def test_the_next_command_follows_the_verdict():
     def next_of(score, **kind):
-        lines = verdict_screen(
-            PAD, score, [], command=as_typed("my pad.toml", ["gain.target_counts=200"]), **kind
+        lines = answer_of(PAD, score, "").lines(
+            [], command=as_typed("my pad.toml", ["gain.target_counts=200"]), **kind
         )
         first = next(number for number, line in enumerate(lines) if line.startswith("next"))
         return re.sub(r"\s{2,}", "  ", " ".join(lines[first:])).replace("next  ", "").replace("  ", " ")
@@ -147,7 +147,7 @@ def test_the_screen_says_what_share_is_not_resolved():
     share = f"{100 * bounds.blind_share:.0f} %" if bounds.blind_share >= 0.01 else "less than 1 %"
     assert sentences_of(PAD, score).resolution.endswith(f"(median); unresolved in {share} of the volume")
     assert sentences_of(PAD, score).resolution in re.sub(
-        r"[ \n]+", " ", " ".join(verdict_screen(PAD, score, []))
+        r"[ \n]+", " ", " ".join(answer_of(PAD, score, "").lines([]))
     )
     assert f"{share}" in "\n".join(bound_lines(bounds, is_facing=False))
     half = replace(bounds, location_mm=np.where(bounds.depth_mm > np.float64(0), np.inf, bounds.location_mm))

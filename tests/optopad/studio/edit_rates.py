@@ -15,9 +15,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from optopad.studio.design_file import DesignFile
-from optopad.studio.live_results import Curves, LiveVerdict, Result
 from optopad.studio.session import Session
-from optopad.studio.workshop import Request, Workshop
+from optopad.studio.workshop import Curves, LiveVerdict, Request, Result, Workshop
 
 EDITS, BURST, BURST_S = 50, 200, 20.0
 

@@ -17,18 +17,17 @@ from optopad.design.preset import FLAT_PRESETS, SHAPED_PRESETS, preset
 from optopad.design.rules.check import check
 from optopad.design.shape.cavity import CavityGeometry, cavity_of, workspace_of
 from optopad.design.spec import SensorDesign
-from optopad.fabrication.driver.pattern import Problem
+from optopad.fabrication.driver.wiring_check import Problem
 from optopad.sims.readings.readout import Readout
 from optopad.sims.score.objective import PlaceCurves
 from optopad.sims.score.result import JudgedPair
 from optopad.sims.verdict.pad_map import PadMap, Place, grid_places_mm, map_grid_mm
 from optopad.studio.drawings import QUANTITIES, curves_svg, map_svg, quantity, readings_svg
 from optopad.studio.live import LiveView
-from optopad.studio.live_results import LiveVerdict, Progress
-from optopad.studio.pad_mesh import cut_open
+from optopad.studio.pad_mesh import cut_open, pressed_top
 from optopad.studio.sentences import pins_html, said_html, sensor_html, verdict_html
 from optopad.studio.session import LivePress, Said, Version
-from optopad.studio.surface_mesh import pressed_top
+from optopad.studio.workshop import LiveVerdict, Progress
 from tests.optopad.report.bounded_score import bounded_score
 from tests.sims.made_up_scores import dead_score, made_up_depths, made_up_pair, out_of_scope_score
 

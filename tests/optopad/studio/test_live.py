@@ -20,7 +20,7 @@ from optopad.design.arrays import FloatArray
 from optopad.design.errors import InputError
 from optopad.design.preset import preset
 from optopad.fabrication.bundle import bundle_name
-from optopad.fabrication.driver.simulated.faults import faults_of
+from optopad.fabrication.driver.simulated.board import faults_of
 from optopad.fabrication.driver.simulated.finger import HOVER_MM
 from optopad.fabrication.driver.simulated.port import FakePort, PtyWire
 from optopad.fabrication.driver_config import dump_driver_config

@@ -13,9 +13,8 @@ from optopad.design.shape.cavity import cavity_of, workspace_of
 from optopad.design.spec import SensorDesign
 from optopad.sims.contact.pad_surface import PadSurface, curve_height_mm, pad_surface
 from optopad.sims.optics.scene.lower import scene_of
-from optopad.studio import surface_mesh
-from optopad.studio.pad_mesh import cut_open, outline_mm, struck_place, untouched_top
-from optopad.studio.surface_mesh import pressed_top
+from optopad.studio import pad_mesh
+from optopad.studio.pad_mesh import cut_open, outline_mm, pressed_top, struck_place, untouched_top
 from optopad.studio.view.shapes import (
     along_normal,
     body_box,
@@ -45,7 +44,7 @@ def flat_presses(monkeypatch: pytest.MonkeyPatch) -> None:
     def pressed(design: SensorDesign, depth_mm: float, at_mm: tuple[float, float]) -> PadSurface:
         return replace(pad_surface(preset(DISC), depth_mm), at_mm=at_mm)
 
-    monkeypatch.setattr(surface_mesh, "pad_surface", pressed)
+    monkeypatch.setattr(pad_mesh, "pad_surface", pressed)
 
 
 def areas_mm2(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:

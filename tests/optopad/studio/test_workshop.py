@@ -18,9 +18,19 @@ from optopad.sims.score import objective as draft
 from optopad.sims.score.objective import curves_under, draft_score
 from optopad.sims.score.result import ContinuityScore
 from optopad.sims.score.scoring import score
-from optopad.studio.live_results import Curves, Failed, LiveVerdict, Look, Progress, Rays, Readings, Result
 from optopad.studio.session import LivePress
-from optopad.studio.workshop import Request, Workshop
+from optopad.studio.workshop import (
+    Curves,
+    Failed,
+    LiveVerdict,
+    Look,
+    Progress,
+    Rays,
+    Readings,
+    Request,
+    Result,
+    Workshop,
+)
 
 PAIR = preset("piacenza2017-pair")
 PRESS = LivePress(x_mm=9.0, y_mm=11.0, depth_mm=2.0)
@@ -284,7 +294,7 @@ def test_a_press_that_the_models_do_not_cover_leaves_the_design_judged(
         raise ModelScopeError("too near the wall")
 
     with working() as (shop, answers):
-        monkeypatch.setattr("optopad.studio.surface_mesh.pressed_top", refuse)
+        monkeypatch.setattr("optopad.studio.pad_mesh.pressed_top", refuse)
         shop.want(request_of(with_rays=True))
         answers.wait_idle(answers.wait(is_level("draft")))
         assert answers.names() == ["Curves", "Failed", "draft"]

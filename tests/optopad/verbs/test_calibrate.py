@@ -12,7 +12,7 @@ import pytest
 from optopad.cli import main
 from optopad.design.io import load_design
 from optopad.design.preset import preset
-from optopad.screen.calibration import CalibratedBuild
+from optopad.screen.training import CalibratedBuild
 from optopad.sims.learning.calibration import Calibration, Fitted, report_of
 from optopad.sims.learning.calibration_problem import calibration_samples, unknowns_of, with_values
 from optopad.sims.learning.inference.model_file import load_model

@@ -16,8 +16,7 @@ from optopad.sims.learning.force_fit import fit_force
 from optopad.sims.learning.inference.header import ForceCurve, header_of_json
 from optopad.sims.learning.press_force import TipPath
 from optopad.verbs import calibrate as calibration
-from optopad.verbs.calibrate import _pressed_force
-from optopad.verbs.force_clock import force_clock
+from optopad.verbs.calibrate import _pressed_force, force_clock
 from tests.fabrication.driver.made_up_model import header
 from tests.said import says
 from tests.sims.learning.test_force_fit import PAD, pressed

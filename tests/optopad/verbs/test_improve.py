@@ -19,8 +19,7 @@ from optopad.cli.main import main
 from optopad.design.io import load_design
 from optopad.design.preset import preset, preset_text
 from optopad.design.rules.check import check
-from optopad.screen.answer import LINES
-from optopad.screen.shown import INTERRUPTED
+from optopad.screen.answer import INTERRUPTED, LINES
 from optopad.sims.score.smallest_mold import smallest_mold
 from tests.design.search.test_improvement_space import judge
 from tests.optopad.screen.test_one_screen import cause

@@ -14,8 +14,8 @@ from optopad.screen.sweep import table_row
 from optopad.sims.score.objective import judge
 from optopad.sims.score.result import ContinuityScore
 from optopad.sims.score.scoring import score, verdict_of
-from optopad.studio.live_results import LiveVerdict
 from optopad.studio.session import LivePress
+from optopad.studio.workshop import LiveVerdict
 from optopad.verbs.compare import compare
 from optopad.verbs.sweep import sweep
 from tests.optopad.studio.test_workshop import Answers, Request, working

@@ -18,20 +18,8 @@ from optopad.sims.contact.library.profile_library import (
     Library,
     shipped_library,
 )
-from optopad.sims.contact.library.smooth_press import (
-    LONGEST,
-    TopCurve,
-    _arc_shares,
-    run_out,
-    sample_arcs,
-)
-from optopad.sims.contact.scope import (
-    HALF_WIDTH,
-    WALL_RADIUS,
-    contact_of,
-    half_width_of,
-    round_radius,
-)
+from optopad.sims.contact.library.smooth_press import LONGEST, TopCurve, _arc_shares, run_out, sample_arcs
+from optopad.sims.contact.scope import HALF_WIDTH, WALL_RADIUS, contact_of, half_width_of, round_radius
 
 
 @pytest.fixture(scope="module")

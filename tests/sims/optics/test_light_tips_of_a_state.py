@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from optopad.design.errors import InputError
+from optopad.design.pad import Pad
 from optopad.design.preset import preset
 from optopad.sims.optics import tracing
 from optopad.sims.optics.engine.trace_states import CLASS_NAMES, RawLight
@@ -39,7 +40,7 @@ def asked(monkeypatch):
 
 def test_one_tip_a_state_is_asked_for_as_such_wherever_it_stands(asked):
     presses = np.array([[NONE, [9.0, 8.0, 1.0]], [[5.0, 5.0, 1.0], NONE], [NONE, NONE]])
-    light = tracing.trace(PAD, presses, DIMPLE)
+    light = tracing.trace(Pad.of(PAD), presses, DIMPLE)
     centres, indentations = asked[0]
     assert centres.tolist() == [[[9.0, 8.0]], [[5.0, 5.0]], [[0.0, 0.0]]]
     assert indentations == [[DIMPLE], [DIMPLE], [None]]
@@ -48,7 +49,7 @@ def test_one_tip_a_state_is_asked_for_as_such_wherever_it_stands(asked):
 
 def test_several_tips_are_asked_for_per_state(asked):
     presses = np.array([[[9.0, 8.0, 1.0], [20.0, 21.0, 1.0]], [NONE, [5.0, 5.0, 1.0]]])
-    light = tracing.trace(PAD, presses, DIMPLE)
+    light = tracing.trace(Pad.of(PAD), presses, DIMPLE)
     centres, indentations = asked[0]
     assert centres.tolist() == [[[9.0, 8.0], [20.0, 21.0]], [[0.0, 0.0], [5.0, 5.0]]]
     assert indentations == [[DIMPLE, DIMPLE], [None, DIMPLE]]
@@ -59,10 +60,10 @@ def test_several_tips_are_asked_for_per_state(asked):
 def test_a_state_gives_one_indentation_for_all_or_one_per_tip(asked):
     other = compact_dimple(0.5)
     presses = np.array([[[9.0, 8.0, 1.0], [20.0, 21.0, 1.0]]] * 2)
-    tracing.trace(PAD, presses, [DIMPLE, [other, DIMPLE]])
+    tracing.trace(Pad.of(PAD), presses, [DIMPLE, [other, DIMPLE]])
     assert asked[0][1] == [[DIMPLE, DIMPLE], [other, DIMPLE]]
     with pytest.raises(InputError, match="1 indentations for 2 tips of state 1"):
-        tracing.trace(PAD, presses, [DIMPLE, [other]])
+        tracing.trace(Pad.of(PAD), presses, [DIMPLE, [other]])
 
 
 def test_tips_of_the_contact_model_are_those_of_their_depths():
@@ -73,5 +74,5 @@ def test_tips_of_the_contact_model_are_those_of_their_depths():
 def test_a_tip_that_is_not_finite_is_refused_by_its_state(asked):
     presses = np.array([[[9.0, 8.0, 1.0], NONE], [[9.0, np.nan, 1.0], [5.0, 5.0, 1.0]]])
     with pytest.raises(InputError, match="state 1 is not finite"):
-        tracing.trace(PAD, presses, DIMPLE)
+        tracing.trace(Pad.of(PAD), presses, DIMPLE)
     assert asked == []

@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from optopad.sims.optics.accuracy import ACCURACIES
 from tests.validation.contact.pad_oracle import (
     DEPTHS_MM,
-    GRID_MM,
     PLACES,
     PadPress,
     dense_top,
@@ -17,12 +15,8 @@ from tests.validation.contact.pad_oracle import (
 from tests.validation.contact.pad_table import (
     MARKS,
     PAGE,
-    SET_IN_MM,
-    engine_height_mm,
     is_outside_contact,
-    light_errors,
     modelled,
-    oracle_field,
     press_error,
     size_of,
 )
@@ -68,14 +62,6 @@ def test_the_oracles_top_keeps_its_volume_and_its_walls(name: str, depth_mm: flo
     assert top.min() == pytest.approx(-depth_mm, abs=1e-6)
 
 
-@pytest.mark.parametrize("name", ["pad middle", "pair middle", "small pad"])
-def test_a_press_in_the_middle_has_the_symmetry_of_the_square(name: str) -> None:
-    top = pad_press(name, 3.0).height_mm
-    # the mesh is symmetric, the triangles that heights are read from are not
-    assert np.abs(top - top[::-1]).max() < 1e-3
-    assert np.abs(top - top.T).max() < 1e-3
-
-
 def test_points_between_nodes_are_those_of_the_elements() -> None:
     rest = np.stack([one.ravel() for one in np.meshgrid([-1.0, 0.0, 1.0, 2.5, 4.0], [0.0, 0.5, 1.0])])
 
@@ -86,31 +72,6 @@ def test_points_between_nodes_are_those_of_the_elements() -> None:
     x = (np.sqrt(1.0 + 0.4 * points[:, 0]) - 1.0) / 0.2
     assert len(points) == 17 * 9
     assert points == pytest.approx(bent(x, points[:, 1]), abs=1e-12)  # a biquadratic: round-off
-
-
-@pytest.mark.slow
-def test_a_model_compared_with_itself_has_no_error() -> None:
-    place = PLACES["pair middle"]
-    model = modelled(place, 2.0)
-    own = engine_height_mm(place, model.near, model.field)
-    force = pad_press("pair middle", 2.0).force
-    error = press_error(place, model, *[PadPress(force=force, height_mm=own)] * 2)
-    assert error.surface_um == error.mesh_um == (0.0, 0.0)
-    assert error.mesh_force_ratio == 1.0
-    (light,) = light_errors(place, [model], [own], [own], ACCURACIES["draft"])
-    # the oracle's field has another grid
-    assert light.size[1] < 3e-3
-    assert light.mesh == (0.0, 0.0)
-
-
-@pytest.mark.slow
-def test_curve_and_field_are_the_oracles_top() -> None:
-    place = PLACES["pad near a wall"]
-    model, top = modelled(place, 2.0), pad_press("pad near a wall", 2.0).height_mm
-    found = engine_height_mm(place, model.near, oracle_field(place, model, top))
-    set_in = place.radius_mm() > model.near.contact_radius_mm + SET_IN_MM
-    assert np.abs(found - top)[set_in].max() < 1e-9  # nodes of the field: round-off
-    assert place.grid_mm()[0][1] == GRID_MM
 
 
 @pytest.mark.parametrize(("name", "depth_mm"), EVERY_PRESS)

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from optopad.design.arrays import BoolArray
-from optopad.fabrication.driver.link.protocol import FrameFormat, message_lengths, pack_frames
-from optopad.fabrication.driver.link.scanner import Scanner
+from optopad.fabrication.driver.link.protocol import FrameFormat, Scanner, message_lengths, pack_frames
 
 PAD = FrameFormat(emitters=8, receivers=8, bits=10)
 BLOCK = 10_000

@@ -83,9 +83,3 @@ def _profile(state: BlockState) -> FloatArray:
     """Heights of the nodes along y = 0."""
     line = state.top[np.abs(state.top[:, 1]) < 1e-9]
     return line[np.argsort(line[:, 0])][:, 2]
-
-
-def test_a_wall_nearer_by_stiffens_the_press() -> None:
-    near, far = (pressed(2.0, (4.0, east, 0.0, 4.0), 0.3) for east in (2.0, 4.0))
-    assert near.force > 1.02 * far.force
-    assert _profile(near)[-1] == pytest.approx(0.0, abs=1e-12)

@@ -8,7 +8,7 @@ import pytest
 from tests.validation.contact.contact_reference import POISSON_RATIO, WALL, contact_edge, reference_state
 from tests.validation.elements.layer_mesh import Grading
 from tests.validation.elements.press_oracle import Press, PressedState, pressed_states
-from tests.validation.elements.tip_outlines import cone_tip, flat_tip
+from tests.validation.elements.tip_outlines import Tip, cone_tip, flat_tip, sphere_tip
 
 LAYER = 8 / 3
 STUDY_FORCE_N = {0.2: 0.303, 0.5: 1.261, 1.0: 3.758, 2.0: 11.06, 3.0: 19.89, 4.0: 28.58, 5.0: 36.46}
@@ -123,3 +123,38 @@ def test_other_tips_press_in_balance(tip: object) -> None:
     [state] = pressed_states(press, [0.4])
     assert state.force == pytest.approx(-state.reaction, abs=1e-7)
     assert state.penetration < 3e-4
+
+
+TIPS = [sphere_tip(), flat_tip(0.2), cone_tip(45.0, 0.15, 0.2)]
+
+
+def points_outside(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Points around the lower end of a tip pressed 0.8 deep, at distances of up to one radius."""
+    generator = np.random.default_rng(7)
+    r, z = generator.uniform(0.0, 1.8, 40 * count), generator.uniform(-1.6, 0.6, 40 * count)
+    return r, z
+
+
+@pytest.mark.parametrize("tip", TIPS, ids=lambda tip: tip.name)
+def test_normals_and_curvatures_are_derivatives_of_the_distance(tip: Tip) -> None:
+    r, z = points_outside(20)
+    gap = tip.gap(r, z, 0.8)
+    chosen = gap.distance > 0.02
+    r, z = r[chosen], z[chosen]
+    gap, step = tip.gap(r, z, 0.8), 1e-5
+    by_r, by_z = (
+        (
+            tip.gap(r + step * a, z + step * b, 0.8).distance
+            - tip.gap(r - step * a, z - step * b, 0.8).distance
+        )
+        / (2 * step)
+        for a, b in ((1, 0), (0, 1))
+    )
+    # central differences: step² / distance² = 2.5e-7; points within a step of a joint are not C2
+    assert gap.normal == pytest.approx(np.stack([by_r, by_z]), abs=1e-5)
+    along = np.stack([-gap.normal[1], gap.normal[0]])
+    step = 1e-4
+    around = [tip.gap(r + s * step * along[0], z + s * step * along[1], 0.8).distance for s in (1, 0, -1)]
+    second = (around[0] - 2 * around[1] + around[2]) / step**2
+    smooth = np.abs(second - gap.curvature) < 1e-3 * (1.0 + 1.0 / gap.distance)
+    assert smooth.mean() > 0.99

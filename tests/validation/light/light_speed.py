@@ -3,7 +3,7 @@
     python -m tests.validation.light.light_speed            some ten minutes on two otherwise idle cores
     python -m tests.validation.light.light_speed hits       only these rows, printed only: hits, walks, scan, start
 
-Rows that need an optional tool (embreex, mitsuba) say so where it is absent.
+The row of the optional tool Mitsuba says so where it is absent.
 """
 
 from __future__ import annotations
@@ -11,17 +11,16 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Iterator, Mapping
-from importlib.util import find_spec
 from pathlib import Path
 from platform import machine, python_version
 from tempfile import TemporaryDirectory
 
 from tests.bench.measures.benchmark_states import SURFACES, benchmark_scene, surface_of
-from tests.bench.measures.closest_hits import embree_hits, engine_hits, plain_hits
+from tests.bench.measures.closest_hits import engine_hits, plain_hits
 from tests.bench.measures.forward_walk import Walked
 from tests.bench.measures.scan_cost import scan
 from tests.bench.measures.start_time import first_trace
-from tests.bench.measures.surface_mesh import compact_height, cosine_rays
+from tests.bench.measures.surface_mesh import cosine_rays
 from tests.bench.measures.walk_cost import (
     CENTRE_MM,
     DEPTH_MM,
@@ -51,12 +50,6 @@ def hits(rays: int = HIT_RAYS) -> Iterator[Line]:
     contact = engine_hits(surface_of("contact")(DEPTH_MM), CENTRE_MM, lines).millions_per_second
     yield "closest hits, engine, contact surface", f"{contact:.1f} M/s"
     yield "closest hits, plain walk", f"{plain_hits(press, CENTRE_MM, lines).millions_per_second:.1f} M/s"
-    if find_spec("embreex") is None:
-        yield "closest hits, embree, 73,728 triangles", "not measured: needs the package embreex"
-        return
-    height = compact_height(press, benchmark_scene().height_mm)
-    other = embree_hits(height, CENTRE_MM, lines).millions_per_second
-    yield "closest hits, embree, 73,728 triangles", f"{other:.1f} M/s; engine {mine / other:.1f}x"
 
 
 def walks(opponents: Mapping[str, Callable[[], Walked]] = OPPONENTS) -> Iterator[Line]:

@@ -25,6 +25,8 @@ from optopad.design.errors import DeviceError
 from optopad.design.errors import OptopadError
 from optopad.design.errors import OutputError
 from optopad.fabrication.driver import ros_fields as fields
+from optopad.fabrication.driver.recording.mcap_file import frame_message
+from optopad.fabrication.driver.recording.mcap_file import sensor_message
 from optopad_msgs.msg import Frame
 from optopad_msgs.msg import Sensor
 from optopad_msgs.msg import Touch
@@ -183,7 +185,7 @@ class SensorNode(LifecycleNode):
 
     def _describe(self):
         now_s = self._now_s()
-        said = fields.sensor_message(self._device.config, now_s)
+        said = sensor_message(self._device.config, now_s)
         said['header']['frame_id'] = self._frame_id
         self._sensors.publish(fields.filled(Sensor(), said))
         self._transforms.sendTransform(fields.filled(
@@ -294,7 +296,7 @@ class SensorNode(LifecycleNode):
             self.get_logger().info(line)
 
     def _publish_frame(self, frame):
-        self._frames.publish(fields.filled(Frame(), fields.frame_message(frame, self._frame_id)))
+        self._frames.publish(fields.filled(Frame(), frame_message(frame, self._frame_id)))
 
     def _mark_body(self):
         self._mark(fields.marker(

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from optopad.design.pad import Pad
 from optopad.design.preset import preset
 from optopad.sims.contact.pad_surface import pad_surfaces
+from optopad.sims.contact.scope import contact_of
 from optopad.sims.optics.engine.untouched import packed
 from optopad.sims.optics.scene.lower import scene_of
 from optopad.sims.optics.scene.optical_scene import smooth_field
@@ -58,13 +60,13 @@ def test_a_leg_is_clear_where_the_top_lies_above_it_all_the_way(surface: str, de
 
 @pytest.mark.parametrize("place_mm", [(16.0, 16.0), (6.0, 6.0)])
 def test_a_face_that_is_told_to_be_in_view_has_no_line_through_the_top(place_mm: tuple[float, float]) -> None:
-    design = preset("piacenza2017-pad")
-    scene = scene_of(design)
+    pad = Pad.of(preset("piacenza2017-pad"))
+    scene = scene_of(pad.design)
     box, emitters, _ = packed(scene)
     presses = np.array([[*place_mm, depth] for depth in (0.3, 2.5, 4.9)])
     rng = np.random.default_rng(7)
     told = 0
-    for press, surface in zip(presses, pad_surfaces(design, presses), strict=True):
+    for press, surface in zip(presses, pad_surfaces(contact_of(pad.design), presses), strict=True):
         field = smooth_field(
             lambda x, y, surface=surface: surface.beside_mm(x[:, 0], y[0]), 32.0, 32.0, 0.75, 2
         )

@@ -8,8 +8,6 @@ radii R of a tip of 3 mm, forces in E R².
 
 * `CROWNS`: two pads that stand for real ones. Their model presses are compared in `crown_table`.
 * `SERIES`: the pad of the sharper crown at several curvatures, flat among them, on one mesh.
-* `ALIKE`: for each curvature κ of the series a flat pad of the same size under a tip of 1/(1 + κ), whose curvature is
-  the relative one of tip and crown. `crown_growth` has what these say on how a press depends on the curvature.
 """
 
 from __future__ import annotations
@@ -40,7 +38,7 @@ TIP_MM = 3.0
 LAYER = 9.0 / TIP_MM
 DEPTHS = tuple(depth / TIP_MM for depth in (0.2, 0.5, 1.0, 2.0, 3.0))
 HALVINGS = 2
-"""How often the coarsest mesh is halved: elements of 0.025 tip radii at the contact; in `ALIKE` once less."""
+"""How often the coarsest mesh is halved: elements of 0.025 tip radii at the contact."""
 RECIPE = 2
 """Version of the oracle behind states kept in the build folder. Raise it when results change."""
 
@@ -53,12 +51,10 @@ class Pad:
     ----------
     curvature : R over the crown's radius; 0 is flat
     wall : radius of the bonded wall
-    tip : radius of the tip
     """
 
     curvature: float
     wall: float
-    tip: float = 1.0
 
 
 SHARP = Pad(TIP_MM / 14.0, 11.0 / TIP_MM)
@@ -67,7 +63,6 @@ MILD = Pad(TIP_MM / 40.0, 17.0 / TIP_MM)
 """A crown of 40 mm on a disc of 34 mm."""
 CROWNS = (MILD, SHARP)
 SERIES = tuple(Pad(curvature, SHARP.wall) for curvature in (0.0, 0.05, 0.1, 0.15, SHARP.curvature, 0.25))
-ALIKE = tuple(Pad(0.0, SHARP.wall, 1.0 / (1.0 + pad.curvature)) for pad in SERIES if pad.curvature)
 
 
 def solve_pad(pad: Pad, halvings: int) -> dict[float, list[dict[str, FloatArray]]]:
@@ -75,15 +70,14 @@ def solve_pad(pad: Pad, halvings: int) -> dict[float, list[dict[str, FloatArray]
 
     Returns
     -------
-    depth [R] -> arrays on each mesh, coarsest first, in radii of the pad's own tip.
+    depth [R] -> arrays on each mesh, coarsest first.
     """
-    grading, tip = Grading(), pad.tip
-    size = (LAYER / tip, pad.wall / tip, pad.curvature * tip)
+    grading, size = Grading(), (LAYER, pad.wall, pad.curvature)
     inputs = json.dumps([size, POISSON_RATIO, asdict(grading), RECIPE])
-    stem = f"crown-{pad.curvature:.3f}-{pad.tip:.3f}-{sha256(inputs.encode()).hexdigest()[:8]}"
+    stem = f"crown-{pad.curvature:.3f}-1.000-{sha256(inputs.encode()).hexdigest()[:8]}"
     states = solved_states(
         stem,
-        [depth / tip for depth in DEPTHS],
+        DEPTHS,
         halvings,
         lambda level: CrownedPress(*size, grading, POISSON_RATIO, level),
     )
@@ -93,8 +87,8 @@ def solve_pad(pad: Pad, halvings: int) -> dict[float, list[dict[str, FloatArray]
 def build(path: Path = STORED) -> None:
     """Solve everything and write the stored file."""
     arrays: dict[str, NDArray[np.generic]] = {}
-    for pad in dict.fromkeys((*CROWNS, *SERIES, *ALIKE)):
-        for depth, levels in solve_pad(pad, HALVINGS if pad.tip == 1.0 else HALVINGS - 1).items():
+    for pad in dict.fromkeys((*CROWNS, *SERIES)):
+        for depth, levels in solve_pad(pad, HALVINGS).items():
             name, fine, half = _name(pad, depth), levels[-1], levels[-2]
             kept = ("nodes", "contact", "rest_radii", *FIELDS)
             arrays |= {f"{name}/{field}": fine[field] for field in kept}
@@ -112,7 +106,7 @@ def build(path: Path = STORED) -> None:
 
 def _name(pad: Pad, depth: float) -> str:
     """What the arrays of a state begin with."""
-    return f"{pad.curvature:.4f}-{pad.wall:.4f}-{pad.tip:.4f}-{depth:.4f}"
+    return f"{pad.curvature:.4f}-{pad.wall:.4f}-1.0000-{depth:.4f}"
 
 
 @cache
@@ -122,7 +116,7 @@ def _stored(path: Path) -> dict[str, FloatArray]:
 
 
 def crown_state(pad: Pad, depth: float, path: Path = STORED) -> ReferenceState:
-    """The stored solution of a pad and depth [R], in radii of the pad's own tip; heights are above the untouched apex.
+    """The stored solution of a pad and depth [R]; heights are above the untouched apex.
 
     Raises
     ------
@@ -139,8 +133,8 @@ def crown_state(pad: Pad, depth: float, path: Path = STORED) -> ReferenceState:
         force=float(held["half_force"]), energy=float(held["half_energy"]), nodes=held["half_nodes"]
     )
     return ReferenceState(
-        layer=LAYER / pad.tip,
-        depth=depth / pad.tip,
+        layer=LAYER,
+        depth=depth,
         force=float(held["force"]),
         energy=float(held["energy"]),
         nodes=held["nodes"],
