@@ -5,13 +5,18 @@ Asked for: kernel ridge of 10,000 samples in 2 ms a frame. The times are printed
 
 from __future__ import annotations
 
+import os
+import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_limits
 
 from optopad.sims.learning.inference.kernel_ridge import KernelRidgeModel
 from optopad.sims.learning.learners import DEFAULT, LEARNERS, QUICK, fit_kernel_ridge
+from tests.bench.measures.touch_cost import LIVE_S, costs_on_one_thread
+from tests.sims.learning.made_up_map import made_up_map_model, noisy_signals, random_presses
 from tests.sims.learning.pressed_pad import grid_mm, made_up_data, random_places_mm
 
 KEPT_SAMPLES = 10_000
@@ -61,3 +66,43 @@ def test_search_and_fit_of_10_000_samples(benchmark, bench_size):
     settings = bench_size.of(DEFAULT, replace(QUICK, search_samples=200, fit_samples=500))
     model = benchmark.pedantic(fit_kernel_ridge, args=(denser,), kwargs={"settings": settings}, rounds=1)
     assert model.header.settings["fit_samples"] == bench_size.of(KEPT_SAMPLES, 500)
+
+
+MOST_MS = 5.0
+FRAMES = 200
+
+
+@pytest.mark.parametrize("is_touched", [True, False], ids=["touched", "untouched"])
+def test_a_frame_of_the_signal_map(benchmark, bench_size, is_touched):
+    frames = bench_size.of(FRAMES, 5)
+    model = made_up_map_model()
+    presses = random_presses(frames, 1) if is_touched else np.tile([16.0, 16.0, -1.0], (frames, 1))
+    signals = noisy_signals(presses, model.noise, 2)
+
+    def read_all() -> None:
+        for row in range(frames):
+            model.predict(signals[row : row + 1])
+
+    # a second thread waits more than it works on matrices so small, and its wait would count
+    with threadpool_limits(1):
+        started = time.process_time()
+        benchmark.pedantic(read_all, rounds=1, warmup_rounds=1)
+    ms = (time.process_time() - started) / (2 * frames) * 1e3  # the warm-up round is counted along
+    benchmark.extra_info["core_ms_a_frame"] = ms
+    assert not bench_size.is_timed or ms < MOST_MS
+
+
+PROMISED_MS = {"drift": 0.5, "kernel-ridge": 2.0, "signal-map": 5.0}
+
+
+@pytest.mark.slow
+def test_a_frame_costs_what_is_promised_and_leaves_the_sensor_time(benchmark, bench_size):
+    live_s = bench_size.of(LIVE_S, (0.2, 0.4))
+    found = benchmark.pedantic(costs_on_one_thread, args=(live_s,), rounds=1)
+    benchmark.extra_info.update(found | {"load": os.getloadavg()[0]})
+    print(found)
+    assert set(found) == {"frame_ms", "core_share"}
+    if not bench_size.is_timed:
+        return
+    assert {name: ms for name, ms in found["frame_ms"].items() if ms > PROMISED_MS[name]} == {}
+    assert max(found["core_share"].values()) < 0.5  # 60 frames a second leave 16.7 ms each

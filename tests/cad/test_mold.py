@@ -3,6 +3,7 @@
 import io
 import json
 import math
+import re
 import zipfile
 from xml.etree import ElementTree
 
@@ -18,7 +19,7 @@ from optopad.cad.tools import blade_size, indenter_tip, leveling_blade, shank_mm
 from optopad.design.errors import DesignError
 from optopad.design.mold.outline import bed_lift_mm, outline_of
 from optopad.design.mold.sockets import Cut
-from optopad.design.preset import preset
+from optopad.design.preset import FLAT_PRESETS, SHAPED_PRESETS, preset
 from optopad.design.shape.cavity import cavity_of
 from optopad.design.spec.indenter import tip_outline
 from tests.cad.agreement import cavity_agreement, first_hits_mm
@@ -290,3 +291,40 @@ def test_another_tip_has_the_volume_of_its_outline_and_is_closed(shape):
     assert part.bounds[1][2] == pytest.approx(
         shank_mm(design) + tip_outline(design.indenter)[-1].end[1], abs=1e-4
     )
+
+
+MOLDS = FLAT_PRESETS + SHAPED_PRESETS
+MM3 = 1e-3  # the record's own rounding, with room for another version of the kernel
+MM = 2e-3  # the same, for lengths
+
+
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=() if name == "piacenza2017-pair" else pytest.mark.slow) for name in MOLDS],
+)
+def test_volume_size_and_holes_are_those_on_record(name, built_of):
+    files = built_of(name).files
+    volumes = json.loads(files["checks.json"])["volumes_mm3"]
+    assert set(volumes) == set(RECORDED[name])
+    for part, (volume_mm3, size_mm, holes) in RECORDED[name].items():
+        mesh = trimesh.load_mesh(io.BytesIO(files[f"{part}.stl"]), file_type="stl")
+        assert volumes[part]["solid"] == pytest.approx(volume_mm3, abs=MM3), part
+        assert mesh.extents == pytest.approx(size_mm, abs=MM), part
+        assert (2 - mesh.euler_number) // 2 == holes, part
+
+
+@pytest.mark.parametrize("name", MOLDS)
+def test_a_mold_s_holes_are_its_fixing_lead_and_filling_holes(name):
+    design = preset(name)
+    leads = sum(p.part.lead_count for p in cavity_of(design).parts if p.part.mounting == "radial")
+    filling = 4 if design.crown is not None else 0
+    assert RECORDED[name]["mold"][2] == 4 + leads + filling
+
+
+def test_step_and_3mf_hold_no_time_and_no_counter(built_of):
+    files = built_of("piacenza2017-pair").files
+    text = files["mold.step"].decode()
+    assert re.findall(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d", text) == ["1970-01-01T00:00:00"]
+    assert "Open CASCADE STEP translator" not in text
+    times = {entry.date_time for entry in zipfile.ZipFile(io.BytesIO(files["mold.3mf"])).infolist()}
+    assert times == {(1980, 1, 1, 0, 0, 0)}

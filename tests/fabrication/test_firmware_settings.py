@@ -29,6 +29,7 @@ from optopad.fabrication.sketch import (
     config_header,
     firmware_gaps,
     firmware_settings,
+    plain,
     sketch_texts,
     source_text,
     write_sketch,
@@ -248,3 +249,17 @@ def compiled(file: Path, folder: Path, sketch: Path) -> Path:
     language = of_cpp if file.suffix == ".cpp" else of_c
     subprocess.run([*language, *options, "-c", str(file), "-o", str(target)], check=True)
     return target
+
+
+@pytest.mark.parametrize(
+    "text", ["**// \nint injected;", 'x"\n#endif\nint injected;', "A0 */ }; int injected;", "trigraph ??/"]
+)
+def test_a_text_ends_neither_comment_nor_string_nor_line(text):
+    found = plain(text)
+    assert not set(found) & set('*/"\\\n\r?;#{}')
+    assert len(found) == len(text)
+
+
+def test_names_of_boards_and_inputs_stay_as_they_are():
+    for text in ("Arduino Mega 2560", "arduino:avr:mega", "A15", "Nano (ATmega328)"):
+        assert plain(text) == text

@@ -7,10 +7,20 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from optopad.design.errors import DesignError, InputError, ModelScopeError
+from optopad.design.fields.quantity import Quantity
 from optopad.design.preset import PRESETS, preset
-from optopad.design.press_protocol import PROTOCOLS, PressProtocol, load_protocol_file, protocol_from
+from optopad.design.press_protocol import (
+    PROTOCOLS,
+    LoadProtocol,
+    PressProtocol,
+    load_protocol,
+    load_protocol_file,
+    protocol_from,
+)
+from tests.said import pattern
 
 PAD = preset("piacenza2017-pad")
 
@@ -160,3 +170,48 @@ def test_more_places_or_samples_than_can_be_meant_are_refused() -> None:
     deep = [{"from_mm": 0.0, "to_mm": 1.0, "step_mm": 1e-3}]
     with pytest.raises(InputError, match="samples, at most 5000000"):
         small(approach=deep, sets=[document()["sets"][0] | {"grid_mm": 0.4}]).places_mm(PAD)
+
+
+PAPER = load_protocol("piacenza2017")
+
+
+def changed(name: str, value: float) -> LoadProtocol:
+    quantity = getattr(PAPER, name)
+    return LoadProtocol.model_validate(
+        dict(PAPER) | {name: Quantity.model_validate(dict(quantity) | {"value": value})}
+    )
+
+
+def test_the_published_protocol_is_as_stated_and_says_what_is_assumed() -> None:
+    assert (PAPER.step_mm.value, PAPER.deepest_mm.value, PAPER.pause_s.value, PAPER.steps) == (
+        1.0,
+        5.0,
+        10.0,
+        5,
+    )
+    read = {PAPER.step_mm.confidence, PAPER.deepest_mm.confidence, PAPER.pause_s.confidence}
+    assert read == {"read"}
+    assert PAPER.speed_mm_per_s.confidence == "unverified"
+    assert "does not state" in PAPER.speed_mm_per_s.source
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("step_mm", 0.0, "step_mm: 0 must be above 0"),
+        ("speed_mm_per_s", -1.0, "speed_mm_per_s: -1 must be above 0"),
+        ("pause_s", -1.0, "pause_s: -1 must be at least 0"),
+        ("deepest_mm", 4.5, "deepest_mm: 4.5 ... of 1"),
+        ("deepest_mm", 0.0, "deepest_mm: 0 ... of 1"),
+    ],
+)
+def test_a_protocol_that_cannot_be_driven_is_refused(name: str, value: float, words: str) -> None:
+    with pytest.raises(ValidationError, match=pattern(words)):
+        changed(name, value)
+
+
+def test_an_unknown_protocol_is_answered_with_the_nearest() -> None:
+    with pytest.raises(InputError, match=r"'piacenza'.*piacenza2017"):
+        load_protocol("piacenza")
+    with pytest.raises(InputError, match="there are: piacenza2017"):
+        load_protocol("x")

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from optopad.design.fields.finding import error, warning
 from optopad.design.preset import preset
 from optopad.report.sections.maps import bounds_words
-from optopad.screen.answer import LINES, WIDTH, as_typed
+from optopad.screen.answer import LINES, WIDTH, as_typed, learner_words
 from optopad.screen.check import findings_screen
 from optopad.screen.verdict import answer_of, bound_lines
 from optopad.screen.verdict_sentences import sentences_of
+from optopad.sims.score.cost import quick_prediction_s
 from optopad.sims.verdict.causes import Cause, Witness
 from tests.design.for_each import for_each
 from tests.said import says
@@ -179,3 +182,57 @@ def test_no_line_of_bounds_has_a_number_that_is_none():
         said.append(sentences_of(PAD, replace(contiguous_score(), bounds=case)).resolution)
         said.append(bounds_words(replace(contiguous_score(), bounds=case)))
         assert not re.search(r"\b(nan|inf)\b", " ".join(said))
+
+
+LEARNT_PAD = preset("piacenza2017-pad")
+ROWS = [
+    {"depth_mm": 0.1, "location_median_mm": 4.7, "depth_median_mm": 0.05, "found": 0.1},
+    {"depth_mm": 1.0, "location_median_mm": 0.83, "depth_median_mm": 0.08, "found": 1.0},
+    {"depth_mm": 5.0, "location_median_mm": 0.36, "depth_median_mm": None, "found": 1.0},
+]
+
+
+def bundle(folder, **changes):
+    learners = [
+        {
+            "learner": "extra-trees",
+            "errors": [row | {"location_median_mm": 2.0} for row in ROWS],
+            "false_alarms": 0.0,
+        },
+        {"learner": "kernel-ridge", "errors": ROWS, "false_alarms": 0.002},
+    ]
+    document = {"digest": LEARNT_PAD.digest, "learners": learners}
+    (folder / "sims").mkdir(exist_ok=True)
+    (folder / "sims" / "prediction.json").write_text(json.dumps(document | changes), encoding="utf-8")
+    return folder
+
+
+def test_a_prediction_in_the_bundle_says_what_its_best_learner_reached(tmp_path):
+    assert learner_words(bundle(tmp_path), LEARNT_PAD.digest) == (
+        "location 0.36 to 0.83 mm, depth 0.08 mm (kernel-ridge, simulated); 0 % false alarms"
+    )
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"digest": "ab" * 32},
+        {"learners": []},
+        {"learners": None},
+        {"learners": [{"learner": "a", "errors": ROWS[:1], "false_alarms": 0.0}]},
+    ],
+)
+def test_a_prediction_of_another_design_or_without_errors_says_nothing(changes, tmp_path):
+    assert learner_words(bundle(tmp_path, **changes), LEARNT_PAD.digest) == ""
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{", "null"])
+def test_a_damaged_prediction_says_nothing(text, tmp_path):
+    (bundle(tmp_path) / "sims" / "prediction.json").write_text(text, encoding="utf-8")
+    assert learner_words(tmp_path, LEARNT_PAD.digest) == ""
+
+
+def test_a_larger_pad_takes_longer():
+    at_rest = quick_prediction_s(LEARNT_PAD)
+    assert at_rest is not None
+    assert quick_prediction_s(preset("oblong-60x40")) > 2.0 * at_rest

@@ -1,9 +1,26 @@
 """Bounds against models with known Jacobians: closed forms, no information from noise, scaling, honest errors."""
 
+import json
+
 import numpy as np
 import pytest
+import xarray as xr
 
-from optopad.sims.bounds.fisher import Sensitivity, bounds_of, information
+from optopad.design.preset import preset
+from optopad.sims.bounds.detection_threshold import _first_reached_mm
+from optopad.sims.bounds.fisher import (
+    Bounds,
+    Sensitivity,
+    Steps,
+    bounds_of,
+    information,
+    stencil_derivatives,
+    stencil_presses,
+)
+from optopad.sims.bounds.observability import bound_depths_mm, bounds_json, depth_weights, median_of, share_of
+from optopad.sims.readings.readout import save_dataset
+from optopad.sims.score.maps_file import bounds_dataset, provenance
+from tests.sims.made_up_bounds import made_up_bounds
 
 PAIRS = 48
 
@@ -103,3 +120,107 @@ def test_lost_pairs_tell_nothing():
     is_lost = np.arange(PAIRS) < 12
     found = bounds_of(exact(jacobian, 1.0).without(is_lost))
     assert found.location_mm == pytest.approx(bounds_of(exact(jacobian[:, 12:], 1.0)).location_mm, rel=1e-9)
+
+
+@pytest.fixture(scope="module")
+def bounds():
+    return made_up_bounds()
+
+
+def test_json_has_no_infinities_and_blind_is_null(bounds):
+    text = json.dumps(bounds_json(bounds), allow_nan=False)
+    found = json.loads(text)
+    assert found["location_mm"][0][0][0] is None
+    assert found["location_error_mm"][0][0][0] is None
+    assert found["location_mm"][1][0][0] == pytest.approx(0.02 / 0.7, rel=1e-4)
+    assert found["worst_voxel"]["location_mm"] is None
+    assert found["worst_loss"] == "R8"
+
+
+def test_summaries_follow_from_the_maps(bounds):
+    assert bounds.weight.sum() == pytest.approx(1.0)
+    first_layer_share = 0.45 / 5.0 / 25
+    assert bounds.blind_share == pytest.approx(first_layer_share)
+    assert bounds.coverage.value == pytest.approx(1.0 - first_layer_share)
+    assert bounds.dead_share.value == pytest.approx(first_layer_share)
+    assert bounds.worst.depth_mm == 0.2
+    assert np.isinf(bounds.worst.location_mm)
+
+
+def test_maps_open_with_one_line_and_keep_units_and_blind_voxels(bounds, tmp_path):
+    file = tmp_path / "maps.nc"
+    save_dataset(bounds_dataset(bounds).assign_attrs(provenance(preset("piacenza2017-pad"), 3)), file)
+    with xr.open_dataset(file) as maps:
+        assert maps.location_bound.dims == ("y", "x", "depth")
+        assert {
+            name: values.attrs["units"] for name, values in maps.data_vars.items() if "bound" in name
+        } == {name: "mm" for name in maps.data_vars if "bound" in name}
+        assert np.isinf(maps.location_bound.sel(x=6.0, y=6.0, depth=0.2))
+        assert maps.attrs["seed"] == 3
+        assert maps.attrs["design_digest"] == preset("piacenza2017-pad").digest
+        assert "numpy" in maps.attrs["versions"]
+
+
+def test_bound_depths_leave_room_for_the_presses_beside_them():
+    found = bound_depths_mm((0.2, 0.7, 1.5, 2.8), 2.0, 0.1)
+    assert found == pytest.approx([0.2, 0.7, 1.5, 1.9])
+    assert bound_depths_mm((0.2, 0.7), 0.4, 0.1) == pytest.approx([0.3])
+
+
+def bounds_with(location, depth, error=0.0):
+    location, depth = np.asarray(location, dtype=float), np.asarray(depth, dtype=float)
+    errors = np.where(np.isfinite(location), error, np.inf)
+    return Bounds(
+        location_mm=location,
+        location_error_mm=errors,
+        depth_mm=depth,
+        depth_error_mm=errors,
+        depth_alone_mm=depth,
+        depth_alone_error_mm=errors,
+    )
+
+
+def test_depth_weights_fill_the_range_of_use():
+    weights = depth_weights((0.5, 1.0, 3.0), 5.0)
+    assert weights.sum() == pytest.approx(1.0)
+    assert weights * 5.0 == pytest.approx([0.75, 1.25, 3.0])
+
+
+def test_median_weighs_voxels_by_their_volume_and_counts_blind_ones_as_worst():
+    values, errors = np.array([1.0, 2.0, np.inf]), np.array([0.1, 0.1, np.inf])
+    assert median_of(values, errors, np.array([0.2, 0.4, 0.4])).value == 2.0
+    assert median_of(values, errors, np.array([0.2, 0.2, 0.6])).value == np.inf
+    found = median_of(values, errors, np.array([0.6, 0.2, 0.2]))
+    assert (found.low, found.value, found.high) == pytest.approx((0.8, 1.0, 1.2))
+
+
+def test_coverage_needs_both_bounds_and_its_ends_follow_the_errors():
+    bounds = bounds_with([0.5, 0.95, 2.0, np.inf], [0.1, 0.1, 0.1, np.inf], error=0.1)
+    found = share_of(bounds, 1.0, 0.5, np.full(4, 0.25))
+    assert (found.low, found.value, found.high) == (0.25, 0.5, 0.5)
+    left = found.complement()
+    assert (left.low, left.value, left.high) == (0.5, 0.5, 0.75)
+
+
+def test_stencil_gives_the_gradient_of_a_quadratic_exactly():
+    """Central differences have no error of second order, mixed terms included."""
+    rng = np.random.default_rng(0)
+    bend = rng.normal(size=(3, 3))
+    slope = rng.normal(size=3)
+    voxels = rng.uniform(1.0, 4.0, size=(5, 3))
+    offsets = Steps().offsets_mm(voxels[:, 2])
+    presses = stencil_presses(voxels, offsets)
+    readings = (presses @ slope + np.einsum("ni,ij,nj->n", presses, bend, presses)).reshape(5, 6, 1)
+    expected = slope + voxels @ (bend + bend.T)
+    assert stencil_derivatives(readings, offsets)[:, 0] == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+def test_no_press_of_the_stencil_leaves_the_surface():
+    voxels = np.array([[5.0, 5.0, 0.05], [5.0, 5.0, 3.0]])
+    assert stencil_presses(voxels, Steps().offsets_mm(voxels[:, 2]))[:, 2].min() > 0.0
+
+
+def test_a_press_is_felt_where_the_line_between_samples_meets_the_threshold():
+    depth = np.array([0.0, 0.1, 0.3])
+    change = np.array([[[0.0, 2.0, 6.0], [0.0, 1.0, 2.9]]])
+    assert _first_reached_mm(depth, change, 3.0)[0] == pytest.approx([0.15, np.inf])

@@ -12,12 +12,21 @@ from scipy.optimize import brentq
 from optopad.design.arrays import FloatArray
 from optopad.design.errors import InputError
 from optopad.design.preset import preset
+from optopad.design.press_protocol import load_protocol
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.properties import modulus
+from optopad.sims.contact import load_protocol as module
+from optopad.sims.contact.force_curve import band_factors, force_curve
+from optopad.sims.contact.indentation import solved_press
 from optopad.sims.contact.load_protocol import (
     StandardLinearSolid,
+    load_history,
     loop_energy_mj,
+    protocol_path,
     solid_of,
     viscoelastic_load_n,
 )
+from optopad.sims.contact.scope import contact_of
 
 SOLID = StandardLinearSolid(relaxed_share=0.3, time_constant_s=2.0)
 EXCESS = 0.3 / 0.7
@@ -178,3 +187,105 @@ def test_the_option_is_off_unless_the_design_asks_for_it() -> None:
         **{"elastomer.viscoelastic.relaxed_share": 0.3, "elastomer.viscoelastic.time_constant_s": 2.0}
     )
     assert solid_of(asked) == SOLID
+
+
+PAPER = load_protocol("piacenza2017")
+GEL = StandardLinearSolid(relaxed_share=0.2, time_constant_s=5.0)
+
+
+def hertz_like(depth_mm: float) -> float:
+    return 3.3 * depth_mm**1.5
+
+
+def test_the_papers_protocol_goes_in_five_steps_and_out_with_pauses_of_ten_seconds() -> None:
+    time, depth, ends = protocol_path(PAPER)
+    assert depth[ends].tolist() == [1, 2, 3, 4, 5, 4, 3, 2, 1, 0]
+    assert time[ends] == pytest.approx(11.0 * np.arange(1, 11))  # 1 s of driving at 1 mm/s, 10 s of waiting
+    still = np.isclose(np.diff(depth), 0.0)
+    assert np.diff(time)[still].sum() == pytest.approx(100.0)
+    assert np.abs(np.diff(depth))[~still] / np.diff(time)[~still] == pytest.approx(1.0)
+
+
+def test_without_relaxation_the_load_is_the_elastic_one_and_no_work_is_lost() -> None:
+    history = load_history(PAPER, hertz_like)
+    assert np.array_equal(history.load_n, history.elastic_n)
+    assert not history.has_relaxation
+    assert not history.has_left.any()
+    assert history.lost_mj == pytest.approx(0.0, abs=1e-9 * float(history.load_n.max()))
+
+
+def test_relaxation_shows_higher_loads_in_than_out_and_loses_work() -> None:
+    history = load_history(PAPER, hertz_like, GEL)
+    ends, steps = history.pause_ends, PAPER.steps
+    inward, outward = history.load_n[ends[: steps - 1]], history.load_n[ends[steps:-1]][::-1]
+    assert np.all(inward > outward)
+    assert history.lost_mj > 0.0
+    assert history.depth_mm[history.turn] == 5.0
+
+
+def test_a_pause_relaxes_towards_the_elastic_load_at_the_solids_rate() -> None:
+    history = load_history(PAPER, hertz_like, GEL)
+    first, last = history.pause_ends[0] - module.SAMPLES_PER_STEP, history.pause_ends[0]
+    excess = history.load_n - history.elastic_n
+    assert excess[last] / excess[first] == pytest.approx(np.exp(-10.0 / 5.0), rel=1e-12)  # 10 s, exactly
+
+
+def test_a_tip_that_would_have_to_pull_has_left_and_feels_nothing() -> None:
+    history = load_history(PAPER, hertz_like, GEL)
+    assert history.load_n.min() == 0.0
+    assert history.has_left[-1]
+    assert np.all(history.load_n[history.has_left] == 0.0)
+
+
+def test_finer_sampling_changes_the_load_by_less_than_1e_5_of_its_peak(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    coarse = load_history(PAPER, hertz_like, GEL)
+    monkeypatch.setattr(module, "SAMPLES_PER_STEP", 10 * module.SAMPLES_PER_STEP)
+    fine = load_history(PAPER, hertz_like, GEL)
+    found = np.interp(coarse.time_s, fine.time_s, fine.load_n)
+    assert np.abs(found - coarse.load_n).max() < 1e-5 * float(fine.load_n.max())
+
+
+DEPTH_MM = np.array([0.0, 0.5, 1.0, 2.0, 3.0])
+PAD = preset("piacenza2017-pad")
+
+
+def test_the_band_is_that_of_the_catalogues_modulus() -> None:
+    curve = force_curve(solved_press(contact_of(PAD)), DEPTH_MM)
+    young = modulus(PAD)
+    assert young.low is not None
+    assert young.high is not None
+    assert curve.low_n == pytest.approx(curve.force_n * young.low / young.value, rel=ROUNDING)
+    assert curve.high_n == pytest.approx(curve.force_n * young.high / young.value, rel=ROUNDING)
+    assert curve.has_band
+
+
+def test_the_load_at_the_low_modulus_is_the_load_of_a_pad_of_that_modulus() -> None:
+    low = modulus(PAD).low
+    softer = PAD.with_(**{"elastomer.youngs_modulus_mpa": low})
+    band = force_curve(solved_press(contact_of(PAD)), DEPTH_MM).low_n
+    own = force_curve(solved_press(contact_of(softer)), DEPTH_MM)
+    assert own.force_n == pytest.approx(band, rel=ROUNDING)
+    assert not own.has_band
+    assert np.array_equal(own.low_n, own.high_n)
+
+
+@pytest.mark.parametrize(("ratio", "expected"), [(10.0, 2.0), (20.0, 1.0), (30.0, 2.0 / 3.0)])
+def test_the_mixing_ratio_sets_the_load(ratio: float, expected: float) -> None:
+    mixed: SensorDesign = PAD.with_(**{"elastomer.mixing_ratio": ratio})
+    load = force_curve(solved_press(contact_of(mixed)), DEPTH_MM).force_n[-1]
+    unit = force_curve(solved_press(contact_of(PAD)), DEPTH_MM).force_n[-1]
+    assert load / unit == pytest.approx(expected, rel=1e-5)  # E = 20 MPa / ratio, to the catalogue's digits
+
+
+def test_the_load_starts_at_nothing_and_rises() -> None:
+    curve = force_curve(solved_press(contact_of(PAD)), DEPTH_MM)
+    assert curve.force_n[0] == curve.contact_radius_mm[0] == 0.0
+    assert np.all(np.diff(curve.force_n) > 0.0)
+    assert curve.at(1.0) == (curve.force_n[2], curve.low_n[2], curve.high_n[2])
+    assert curve.contact_radius_at(1.0) == curve.contact_radius_mm[2]
+
+
+def test_a_value_without_a_band_has_factors_of_one() -> None:
+    assert band_factors(modulus(PAD).model_copy(update={"low": None, "high": None})) == (1.0, 1.0)

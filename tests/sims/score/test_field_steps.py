@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import pytest
 
+import optopad.sims.score.judge as stages
+from optopad.design.draft import Draft
 from optopad.design.preset import preset
+from optopad.sims.bounds.observability import MANY_PAIRS_BOUNDS
+from optopad.sims.contact.indentation import force_in_advance, solved_press, wall_findings
+from optopad.sims.contact.scope import contact_of
+from optopad.sims.optics.accuracy import ACCURACIES
+from optopad.sims.score.cost import score_cost
 from optopad.sims.score.field_steps import STEPS, stepped_fields, with_field_steps
+from optopad.sims.score.judge import MANY_PAIRS, SETTINGS, Judge
 from optopad.sims.score.scoring import score
+from optopad.sims.verdict.presses import MAP_ACCURACY
 from optopad.sims.verdict.tolerance import AMPLE_MARGIN, Effect, FieldStep, FieldSteps
 from tests.sims.made_up_scores import out_of_scope_score
 
@@ -81,3 +91,78 @@ def test_fields_come_in_the_order_of_what_they_gain():
     document = steps.to_json()
     assert document["fields"][1]["higher"] is None
     assert document["as_designed"]["margin_noise_units"] == 4.0
+
+
+SIZED_PAD = preset("piacenza2017-pad")
+
+
+class AskedError(Exception):
+    """Ends the map once its light is asked for."""
+
+
+@pytest.fixture
+def asked(monkeypatch):
+    found = {}
+
+    def never_traced(_design, places_mm, depth_mm, *, accuracy, **_rest):
+        found.update(places=len(places_mm), depths=len(depth_mm), accuracy=accuracy)
+        raise AskedError
+
+    monkeypatch.setattr(stages, "map_light", never_traced)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("settings", "places", "fewest_depths", "accuracy"),
+    [
+        ("score", 25, 26, MAP_ACCURACY),
+        ("full", 121, 51, MAP_ACCURACY),
+        ("fine", 121, 51, ACCURACIES["standard"]),
+    ],
+)
+def test_a_full_map_has_121_places_and_51_depths_at_least(asked, settings, places, fewest_depths, accuracy):
+    with pytest.raises(AskedError):
+        _ = Judge(Draft.of(SIZED_PAD), settings).pad_map
+    assert asked["places"] == places
+    assert asked["depths"] >= fewest_depths
+    assert asked["accuracy"] == accuracy
+
+
+def test_a_press_that_the_library_does_not_have_costs_minutes() -> None:
+    punch = preset("gripper-teensy").with_(**{"indenter.shape": "flat_punch", "operating.max_depth_mm": 0.9})
+    assert score_cost(punch)["contact"] > 300.0
+
+
+def test_walls_that_change_a_punch_too_much_are_known_in_advance() -> None:
+    near = preset("gripper-teensy").with_(
+        **{
+            "indenter.shape": "flat_punch",
+            "indenter.tip_radius_mm": 2.5,
+            "operating.max_depth_mm": 1.6,
+            "operating.workspace_margin_mm": 1.6,
+        }
+    )
+    found = score(near)
+    assert found.verdict == "OUT_OF_MODEL_SCOPE"
+    assert re.search(
+        r"1\.6 mm deep at 4\.1, 4\.1 mm.*raise operating\.workspace_margin_mm to \d", found.reason
+    )
+    assert [*wall_findings(contact_of(near.with_(**{"operating.workspace_margin_mm": 3.2})))] == []
+
+
+def test_the_force_in_advance_is_the_librarys_within_a_quarter() -> None:
+    pad = preset("piacenza2017-pad")
+    press = solved_press(contact_of(pad))
+    for depth in (0.1, 0.6, 1.0, 1.6):
+        assert force_in_advance(contact_of(pad), depth) == pytest.approx(
+            press.smooth.force_at(depth), rel=0.25
+        )
+
+
+def test_hundreds_of_pairs_are_judged_in_the_map_s_steps_and_by_lighter_bounds() -> None:
+    for name, row in SETTINGS.items():
+        assert row.for_pairs(MANY_PAIRS) is row
+        many = row.for_pairs(MANY_PAIRS + 1)
+        assert many.step_mm == max(row.step_mm, row.map_step_mm)
+        assert (many.bounds == MANY_PAIRS_BOUNDS) == (name in {"score", "full", "fine"})
+        assert many.map == row.map

@@ -1,15 +1,29 @@
 """Mode boundaries of signals whose boundaries are known in closed form."""
 
+from __future__ import annotations
+
 import dataclasses
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from optopad.design.draft import Draft
 from optopad.design.errors import InputError
+from optopad.design.preset import preset
+from optopad.design.shape.cavity import cavity_of, judged_pairs, mask_of
+from optopad.sims.optics.accuracy import LightSignals
+from optopad.sims.press import depth_schedule_mm
+from optopad.sims.readings.readout import readout_of
+from optopad.sims.verdict.builds import score_curves
+from optopad.sims.verdict.causes import rise_of
+from optopad.sims.verdict.figure_errors import mode_errors_mm
 from optopad.sims.verdict.pair_score import find_modes
+from optopad.sims.verdict.presses import pair_curves, untouched_flux
+from tests.sims.made_up_scores import made_up_pair
 
 PROPERTY = settings(max_examples=60, deadline=None, derandomize=True)
 ROUNDING_MM = 1e-12
@@ -185,3 +199,125 @@ def test_samples_that_do_not_fit_the_depths_are_refused_by_name():
 def test_an_impossible_tolerance_is_refused(tolerance):
     with pytest.raises(InputError, match=r"tolerance: .*below 0.5"):
         find_modes(DEPTH_MM, np.ones(51), np.ones(51), tolerance=tolerance)
+
+
+def test_an_error_moves_a_boundary_by_itself_over_the_slope():
+    """Shifting the whole direct curve by its error moves the level's crossing by what is stated, to the curvature."""
+    curves = made_up_pair(onset_mm=1.0, last_mm=3.0).curves
+    modes = find_modes(curves.depth_mm, curves.top, curves.direct)
+    _, (_, stated) = mode_errors_mm(curves, modes)
+    level = 0.05 * curves.direct[0]
+    crossings = [
+        float(np.interp(-level, -(curves.direct + shift), curves.depth_mm))
+        for shift in (-curves.standard_error, curves.standard_error)
+    ]
+    assert stated == pytest.approx(0.5 * (crossings[1] - crossings[0]), rel=0.1)
+
+
+def test_twice_the_error_moves_boundaries_twice_as_far_and_open_ones_have_none():
+    curves = made_up_pair(onset_mm=3.0, last_mm=9.0).curves
+    modes = find_modes(curves.depth_mm, curves.top, curves.direct)
+    (start, end), (onset, last) = mode_errors_mm(curves, modes)
+    doubled = mode_errors_mm(replace(curves, standard_error=2 * curves.standard_error), modes)
+    assert modes.mode2_mm[1] is None
+    assert last is None
+    assert doubled[0] == pytest.approx((2 * start, 2 * end))
+    assert doubled[1][0] == pytest.approx(2 * onset)
+
+
+BOUNDARY_MM = 0.05
+DEADBAND_MM = 0.15
+
+
+def scores_of(design, *, seed, step_mm, pairs=None):
+    cavity = cavity_of(design)
+    pairs = pairs or judged_pairs(cavity)
+    readout = readout_of(
+        Draft.of(design), untouched_flux(Draft.of(design), seed=seed), mask_of(pairs, cavity)
+    )
+    depth_mm = depth_schedule_mm(design.operating.max_depth_mm, step_mm)
+    return [score_curves(c, readout) for c in pair_curves(Draft.of(design), pairs, depth_mm, seed=seed)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("thickness_mm", [8.0, 9.0], ids=["contiguous", "deadband"])
+@pytest.mark.parametrize(("seed", "step_mm"), [(0, 0.2), (1, 0.1)], ids=["double step", "other seed"])
+def test_boundaries_and_deadbands_stay(thickness_mm, seed, step_mm):
+    design = preset("piacenza2017-pair").with_(**{"cavity.clear_thickness_mm": thickness_mm})
+    check_same(scores_of(design, seed=0, step_mm=0.1), scores_of(design, seed=seed, step_mm=step_mm))
+
+
+@pytest.mark.full
+def test_boundaries_and_deadbands_of_the_pad_stay():
+    """The pairs of one emitter, of the two kinds that the ring's turns leave."""
+    design = preset("piacenza2017-pad")
+    pairs = tuple(pair for pair in judged_pairs(cavity_of(design)) if pair[0] == 0)
+    before = scores_of(design, seed=0, step_mm=0.1, pairs=pairs)
+    check_same(before, scores_of(design, seed=0, step_mm=0.2, pairs=pairs))
+    check_same(before, scores_of(design, seed=1, step_mm=0.1, pairs=pairs))
+
+
+@pytest.mark.slow
+def test_boundaries_stay_where_mode_1_is_over_in_0_3_mm():
+    """Boundaries only: the outer pairs are flat from 0.00 to 0.30 mm, just a deadband's least length, now and then."""
+    design = preset("piacenza2017-pair").with_(**{"cavity.clear_thickness_mm": 12.0})
+    before = scores_of(design, seed=0, step_mm=0.1)
+    check_same(before, scores_of(design, seed=0, step_mm=0.2), with_deadbands=False)
+
+
+def check_same(before, after, *, with_deadbands=True):
+    for old, new in zip(before, after, strict=True):
+        ends = zip(
+            old.modes.mode1_mm + old.modes.mode2_mm, new.modes.mode1_mm + new.modes.mode2_mm, strict=True
+        )
+        for was, now in ends:
+            assert (was is None) == (now is None)
+            if was is not None and now is not None:
+                assert now == pytest.approx(was, abs=BOUNDARY_MM)
+        if with_deadbands:
+            assert new.deadband_total_mm == pytest.approx(old.deadband_total_mm, abs=DEADBAND_MM)
+
+
+PAIRS = {"E1-R1": (0, 0), "E1-R2": (0, 1)}
+
+
+def light(pressed: tuple[float, float], error: float = 0.0) -> LightSignals:
+    """Two pairs of 1, untouched and under one press; what changes is mirrored by the smooth top."""
+    flux = np.array([[[1.0, 1.0]], [list(pressed)]])
+    straight = np.full_like(flux, 0.2)
+    dark = np.zeros_like(flux)
+    return LightSignals(
+        flux=flux,
+        by_class={"direct": straight, "top": flux - straight, "skirt": dark, "diffuse": dark},
+        standard_error=np.full_like(flux, error),
+        presses=np.array([[5.0, 5.0, 0.0], [5.0, 6.0, 3.0]]),
+        digest="",
+        seed=0,
+    )
+
+
+def test_the_pair_that_rises_most_is_named_with_its_press_and_the_light_that_grows() -> None:
+    found = rise_of(light((1.41, 1.2)), PAIRS)
+    assert found is not None
+    assert (found.pair, found.place_mm, found.depth_mm, found.part) == (
+        "E1-R1",
+        (5.0, 6.0),
+        3.0,
+        "smooth top",
+    )
+    assert np.isclose(found.share, 1.41)
+    assert (found.pairs, found.judged) == (2, 2)
+    assert "141 % of its untouched" in found.sentence.replace("%", " %")
+    assert found.to_json()["pair"] == "E1-R1"
+
+
+def test_a_rise_within_the_lights_error_or_below_5_percent_is_none() -> None:
+    assert rise_of(light((1.41, 0.5), error=0.3), PAIRS) is None
+    assert rise_of(light((1.04, 0.5)), PAIRS) is None
+
+
+def test_a_pair_that_is_dark_untouched_does_not_rise() -> None:
+    one = light((0.9, 1.0))
+    flux = one.flux.copy()
+    flux[:, 0, 1] = [0.001, 0.1]
+    assert rise_of(replace(one, flux=flux), PAIRS) is None
