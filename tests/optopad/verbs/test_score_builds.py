@@ -47,11 +47,11 @@ def test_an_interrupted_study_goes_on_where_it_stopped(few_values, monkeypatch, 
         "optopad.sims.score.scoring.score", lambda *_, **__: scored
     )  # the builds are what is tested here
 
-    def judge(design, *, seed):
-        asked.append(design.digest)
+    def judge(draft, *, seed):
+        asked.append(draft.design.digest)
         if len(asked) == 7:
             raise KeyboardInterrupt
-        return real(design, seed=seed)
+        return real(draft, seed=seed)
 
     monkeypatch.setattr("optopad.sims.verdict.builds.facing_brief", judge)
     assert main(COMMAND) == 130

@@ -152,12 +152,12 @@ def test_rows_in_dispute_are_judged_again_more_finely_and_say_so(monkeypatch, tm
     def coarse(variant, *_, **__):
         return dead_for(0.5 if variant.cavity.clear_thickness_mm == 8.5 else 0.0, design=variant)
 
-    def finer(variant, name, _seed):
-        asked.append((variant.cavity.clear_thickness_mm, name))
+    def finer(variant, *, fine, full, **_):
+        asked.append((variant.cavity.clear_thickness_mm, "fine" if fine else "full" if full else ""))
         return dead_for(0.0, design=variant)
 
     monkeypatch.setattr(sweeping, "_judged", coarse)
-    monkeypatch.setattr(sweeping, "_judged_finer", finer)
+    monkeypatch.setattr(sweeping, "_scored", finer)
     made = swept(tmp_path, [7.5, 8.0, 8.5, 9.0], design=design)
     assert asked == [(8.0, setting), (8.5, setting), (9.0, setting)]
     assert [row.refined for row in made.rows] == ["", setting, setting, setting]
