@@ -14,7 +14,7 @@ from optopad.sims.score.result import ContinuityScore
 from optopad.work import serve
 
 
-class _Page:
+class Page:
     """The page of one score; its drawings stay in this process until the page is written."""
 
     early: EarlyDrawings | None = None
@@ -35,5 +35,5 @@ class _Page:
 
 if __name__ == "__main__":
     gc.disable()  # the process is short, and plots consist of many small objects
-    page = _Page()
+    page = Page()
     serve(prepare, page.draw_early, page.draw_tolerance, page.write)

@@ -17,8 +17,7 @@ from optopad.design.io import load_design
 from optopad.design.preset import preset
 from optopad.fabrication.bundle import altered_files, bundle_name, current_files
 from optopad.fabrication.driver_file import load_driver_config
-from optopad.report.page import write_report
-from optopad.report.sections.early import draw_tolerance, write_early
+from optopad.report.__main__ import Page
 from optopad.verbs.run import run
 from tests.sims.made_up_scores import contiguous_score
 
@@ -71,12 +70,13 @@ def folder(out) -> Path:
 class Here:
     """In place of another process, with functions that tests have patched."""
 
+    def __init__(self) -> None:
+        self.page = Page()
+
     def begin(self, function: str, *arguments, **settings):
-        if function == "prepare":
-            return None
-        functions = {one.__name__: one for one in (write_early, draw_tolerance, write_report)}
-        made = functions[function](*arguments, **settings)
-        return lambda: made
+        if function != "prepare":
+            getattr(self.page, function)(*arguments, **settings)
+        return lambda: None
 
 
 def make_up_physics(patch: pytest.MonkeyPatch) -> None:
