@@ -21,14 +21,17 @@ class Page:
     late: dict[str, Drawing] | None = None
 
     def draw_early(self, *arguments: Any, **settings: Any) -> None:
+        """Make the drawings of `write_early`, and keep them."""
         self.early = write_early(*arguments, **settings)
 
     def draw_tolerance(self, score: ContinuityScore) -> None:
+        """Make the drawings of the score's tolerance, and keep them."""
         self.late = tolerance_drawings(score)
 
     def write(
         self, design: SensorDesign, folder: Path, score: ContinuityScore, checks: dict[str, Any], *, seed: int
     ) -> None:
+        """Write the page with the drawings that were kept; without them it draws itself."""
         drawn = None if self.early is None or self.late is None else (self.early, self.late)
         write_report(design, folder, score, checks, seed=seed, drawn=drawn)
 
