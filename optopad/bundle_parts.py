@@ -44,7 +44,7 @@ def mold_part(design: SensorDesign, bed_mm: Bed | None = None, *, slice_parts: b
     return Part(inputs | {"program": program_digest()}, ("cad/",))
 
 
-def answer_part(
+def answer_parts(
     design: SensorDesign,
     seed: int,
     *,
@@ -52,40 +52,20 @@ def answer_part(
     full: bool = False,
     builds: int | None = None,
     has_page: bool = True,
-) -> Part:
-    """The verdict and what follows from it as a part of a bundle.
+) -> tuple[Part, Part]:
+    """Two parts of a bundle: plots of the pad's shape and of a press's load; the verdict and what follows from it.
 
     Parameters
     ----------
     fine, full, builds : settings of the score
     has_page : whether the report, the sheets and the firmware are made, too
     """
-    inputs = {
-        "design": design.digest,
-        "seed": seed,
-        "fine": fine,
-        "full": full,
-        "builds": builds,
-        "has_page": has_page,
-    }
-    return Part(inputs | {"program": program_digest()}, ("sims/", "fabrication/", "report.html"))
-
-
-def contact_part(design: SensorDesign, *, fine: bool = False, full: bool = False) -> Part:
-    """The plots of a report's page that show the pad's shape and the load of a press, as a part of a bundle.
-
-    Parameters
-    ----------
-    fine, full : settings of the score, which set the locations of the map
-    """
-    inputs = {
-        "surface": design.surface_digest,
-        "measured": sorted(design.measured),
-        "fine": fine,
-        "full": full,
-    }
-    files = tuple(f"sims/plot-{name}.svg" for name in CONTACT_PLOTS)
-    return Part(inputs | {"program": program_digest()}, files)
+    settings = {"fine": fine, "full": full}
+    shape = settings | {"surface": design.surface_digest, "measured": sorted(design.measured)}
+    whole = settings | {"design": design.digest, "seed": seed, "builds": builds, "has_page": has_page}
+    plots = tuple(f"sims/plot-{name}.svg" for name in CONTACT_PLOTS)
+    program = {"program": program_digest()}
+    return Part(shape | program, plots), Part(whole | program, ("sims/", "fabrication/", "report.html"))
 
 
 def checks_of(folder: Path) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from optopad.bundle_parts import ANSWER, answer_part, checks_of, contact_part, mold_part, scored, write_pages
+from optopad.bundle_parts import ANSWER, answer_parts, checks_of, mold_part, scored, write_pages
 from optopad.cli.verb import Asked, verb
 from optopad.design.errors import InputError, OutputError
 from optopad.design.io import save_design, write_text_atomically
@@ -118,11 +118,7 @@ def _made(
     """The bundle; `on_start` is called before the verdict is computed."""
     require_valid(design)
     final = out / bundle_name(design)
-    parts = mold, contact, _ = (
-        mold_part(design),
-        contact_part(design, fine=fine),
-        answer_part(design, seed, fine=fine),
-    )
+    parts = mold, contact, _ = mold_part(design), *answer_parts(design, seed, fine=fine)
     kept = [[] if force else current_files(final, part) for part in parts]
     has_mold, plots, has_answer = bool(kept[0]), kept[1], bool(kept[1] and kept[2])
     altered = _altered(final)

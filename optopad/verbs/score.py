@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from optopad.bundle_parts import ANSWER, answer_part, contact_part, scored, write_pages
+from optopad.bundle_parts import ANSWER, answer_parts, scored, write_pages
 from optopad.cli.verb import Asked, verb
 from optopad.design.errors import InputError
 from optopad.design.pad import Pad
@@ -105,8 +105,7 @@ def _written(
     """Write verdict, map and the map's signals into the bundle; the score and the bundle's folder."""
     design, name = pad.design, bundle_name(pad.design)
     has_page = (out / name / "report.html").exists()  # a bundle has one verdict: its page is made anew
-    contact = contact_part(design, fine=fine, full=full)
-    answer = answer_part(design, seed, fine=fine, full=full, builds=builds, has_page=has_page)
+    contact, answer = answer_parts(design, seed, fine=fine, full=full, builds=builds, has_page=has_page)
     memo = None if builds is None else FinishedWork(out, f"{name}.builds", [design.digest, seed])
     with (
         bundle(design, out, seed=seed, parts=(contact, answer)) as folder,

@@ -10,7 +10,7 @@ import pytest
 import trimesh
 import xarray as xr
 
-from optopad.bundle_parts import CONTACT_PLOTS, answer_part
+from optopad.bundle_parts import CONTACT_PLOTS, answer_parts
 from optopad.cli import main
 from optopad.design.errors import OutputError
 from optopad.design.io import load_design
@@ -170,7 +170,7 @@ def test_a_file_that_a_run_does_not_make_is_not_said_to_be_made_again(quick, tmp
 
 def test_a_manifest_that_names_files_elsewhere_gives_none(quick, tmp_path):
     folder = again(quick, tmp_path / "out").folder
-    part, secret = answer_part(DESIGN, 0), tmp_path / "secret"
+    part, secret = answer_parts(DESIGN, 0)[1], tmp_path / "secret"
     secret.write_text("not of the bundle", encoding="utf-8")
     manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
     manifest["inputs"][part.digest]["files"].append("../../secret")
@@ -254,7 +254,7 @@ def test_a_plot_that_was_edited_is_not_taken_and_is_drawn_again(quick, tmp_path)
 def test_another_seed_is_made_anew(quick, tmp_path):
     assert not again(quick, tmp_path / "out", seed=1).is_current
     assert again(quick, tmp_path / "out", seed=1).is_current
-    assert answer_part(DESIGN, 0, fine=True).digest != answer_part(DESIGN, 0, fine=False).digest
+    assert answer_parts(DESIGN, 0, fine=True)[1].digest != answer_parts(DESIGN, 0)[1].digest
 
 
 @pytest.mark.slow
