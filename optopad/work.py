@@ -150,11 +150,8 @@ def serve(*functions: Callable[..., Any]) -> None:
         outcome: tuple[Any, Exception | None]
         try:
             outcome = by_name[name](*arguments, **settings), None
-        except (
-            OSError,
-            OptopadError,
-        ) as err:  # the other process raises it; any other error ends this process
-            outcome = None, err
+        except (OSError, OptopadError) as err:
+            outcome = None, err  # the other process raises it; any other error ends this process
         results.write(packed(outcome))
         results.flush()
 

@@ -424,6 +424,8 @@ def sensitivities(
         left = np.flatnonzero(_is_unclear(bounds_of(found)) if stage == 0 else bounds_of(found).is_blind)
         if left.size == 0:
             break
+    if on_step is not None:
+        on_step(1.0)
     assert found is not None
     shape = (len(places_mm), len(depth_mm), -1)
     return Sensitivity(

@@ -7,8 +7,7 @@ kernels:
     stage = distinct states of the score's map x seconds of a state x `STAGES[stage]`
 
 The time of a state follows from the shape: on a flat rectangle from the number of pairs, on other pads from the numbers
-of emitters and of cells of the top. On the presets a total is 0.8 to 1.1 times the sum over the states of every stage,
-which for seven measured scores was 0.6 to 1.3 times the measured time.
+of emitters and of cells of the top. On three flat presets a total is 0.8 to 1.1 times the measured time.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ from optopad.sims.verdict.presses import map_depths_mm
 
 STAGES = {
     "rows": {"map": 1.05, "bounds": 2.0, "builds": 0.4},
-    "rectangle": {"map": 1.05, "bounds": 2.2, "builds": 1.4},
+    "rectangle": {"map": 1.05, "bounds": 2.2, "builds": 1.0},
     "round": {"map": 1.15, "bounds": 2.4, "builds": 2.6},
 }
 """Time of a stage, relative to one trace of the map of `optopad score`, by shape: the map with its near presses, the
@@ -44,7 +43,7 @@ bounds, and both ends of all unmeasured parameters with a step of every field [-
 alone is judged for these."""
 FINE_BOUNDS = 1.3
 """Time of the bounds of a finer map, relative to one trace of it [-]."""
-PAIR_S, TOP_S = 1.6e-3, 3e-4
+PAIR_S, TOP_S = 1.3e-3, 3e-4
 """Time of a pair in one state of a flat rectangle, and of its pressed top per area in squared tip radii [s]."""
 CELL_S = {"flat": 1.4e-6, "cylinder": 0.86e-6, "sphere": 9.8e-6}
 """Time of a cell of the top for one emitter in one state of another pad, by shape of the top [s]. A sphere costs most,

@@ -475,6 +475,7 @@ def _march_on_field(
     while True:
         away = t - closest
         r2 = near2 + plan2 * away * away
+        # a ray that falls is clear if the tip's curve is nowhere below its height from here on
         if dz < 0.0:
             level = z + dz * t - rows[0, FIELD_LOWEST]
             if level < rows[0, TOP] and reach2(level, 0, rows) <= (near2 if away < 0.0 else r2):
