@@ -80,6 +80,29 @@ class Indentation:
     inclination_deg: FloatArray | None = None
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GridTop:
+    """The deformed top under objects of any form, as heights on a grid of equally spaced nodes.
+
+    The nodes are in the press frame at `at_mm`: its origin is on the untouched top, and z is the top's normal there
+    (`optopad.design.shape.top.Top.press_frame`). Beyond the grid the top is untouched.
+
+    Attributes
+    ----------
+    at_mm : (x, y) of the frame's origin in cavity coordinates [mm]
+    x_mm, y_mm : (nx,), (ny,) equally spaced coordinates of the nodes in the press frame, of equal spacing [mm]
+    height_mm : (nx, ny) height above the untouched top, along the frame's z [mm]
+    level : (nx, ny) above 0 where an object touches, below 0 where the top is free; linear between the nodes of a cell,
+        it is 0 at the edge of the contact
+    """
+
+    at_mm: tuple[float, float]
+    x_mm: FloatArray
+    y_mm: FloatArray
+    height_mm: FloatArray
+    level: FloatArray
+
+
 SAME_PLACE_MM = 0.15
 """Locations within this distance count as the same [mm]: seven times the default stage's positioning error. Locations
 drawn at random are at least 1 mm apart."""
