@@ -378,7 +378,10 @@ def _made(
         near = nearest(kind.lower(), tuple(KINDS))
         hint = f"did you mean {near[0]}? " if near else ""
         raise error(f"{where}: {shown(kind)} is no kind of object; {hint}Kinds: {', '.join(KINDS)}")
-    fields = {name: field for name, field in KINDS[kind].model_fields.items() if name != "kind"}
+    fields = dict(
+        sorted(KINDS[kind].model_fields.items(), key=lambda field: field[0] in HeldObject.model_fields)
+    )
+    del fields["kind"]
     values: dict[str, Any] = {}
     for key, value in given.items():
         if key not in fields:
@@ -447,7 +450,7 @@ def _read_facets(file: Path, units: str | None) -> Facets:
     import trimesh
 
     if file.suffix.lower() not in MESH_KINDS:
-        raise InputError(f"{file}: is no {', '.join(MESH_KINDS)}; needs {NEEDED_MESH}")
+        raise InputError(f"{file}: this kind of file is not read; needs {NEEDED_MESH}")
     content = read_bytes(file, needed=NEEDED_MESH, most_bytes=MOST_MESH_BYTES)
     try:
         mesh = trimesh.load_mesh(io.BytesIO(content), file_type=file.suffix.lower()[1:], skip_materials=True)
