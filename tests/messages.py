@@ -22,6 +22,7 @@ from optopad.design.rules.check import notes, require_valid
 from optopad.screen.answer import checks_line
 from optopad.screen.verdict import answer_of
 from optopad.screen.verdict_sentences import cause_sentence
+from tests.design import test_held_object
 from tests.design.bad_designs import BAD_DESIGNS, FILE_NAME, design_text, put
 from tests.design.parts import test_catalog
 from tests.design.rules import test_shape_rules
@@ -39,6 +40,9 @@ def messages() -> Iterator[tuple[str, str]]:
         yield f"shape: {what}", test_shape_rules.refusal(base, changes)
     for field, value, _ in test_catalog.REFUSED:
         yield f"part: {field} = {value!r}", test_catalog.refused(test_catalog.part_with(**{field: value}))
+    for text, _ in test_held_object.REFUSED:
+        if "file=" not in text:  # such a file is made for the test
+            yield f"object: {text}", test_held_object.refusal(text)
     for arguments in _commands():
         yield f"optopad {' '.join(arguments)}", _said(arguments)
     for old, new, _ in test_cli_explore.REFUSED:

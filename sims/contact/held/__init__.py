@@ -1,0 +1,1 @@
+"""Contact of a pad with objects of any form."""
