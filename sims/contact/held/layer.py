@@ -1,0 +1,343 @@
+r"""The linear response of a pad's top to normal pressure: an elastic layer between the pad's own walls.
+
+Lengths are in mm. Displacements are normal to the top, downward, for a shear modulus of 1 MPa.
+
+A layer without walls
+---------------------
+An incompressible layer of thickness h is bonded to a rigid floor. A normal pressure p(q) of wave number q moves its top
+by C(q) p(q), with k = q h:
+
+    C(q) = (sinh k cosh k - k) / (cosh² k + k²) / (2 μ q).
+
+For k → ∞ this is 1/(2 μ q), the half-space (Johnson, Contact Mechanics, 1985, chapter 13). For k → 0 it vanishes, since
+the layer keeps its volume. It follows from Stokes' equations with u = 0 at z = 0 and no shear at z = h.
+
+The walls, outline and crown of a pad (`PadLayer`)
+--------------------------------------------------
+The pad's response G is that of a wide layer, G_wide, plus a change S. Both have the same singularity 1 / (4 π μ r), so
+S is smooth where load and place are not close to the same wall. It is represented by cubic B-splines b of the plan
+coordinates x and y, as S(x, x') = Σ b_i(x) C_ij b_j(x'). With the inner product over the top's area,
+
+    C = M⁻¹ (F - W) M⁻¹,   M_ij = <b_i, b_j>,   F_ij = <b_i, G b_j>,   W_ij = <b_i, G_wide b_j>.
+
+F is computed with finite elements of the whole pad, W with Fourier transforms. C is symmetric, as Betti demands.
+
+The finite elements are hexahedra with quadratic displacements and linear pressures (Taylor-Hood; Elman, Silvester and
+Wathen, Finite Elements and Fast Iterative Solvers, 2014, section 3.3). A quarter of the pad is the image of a square
+(Coons' patch: the middle of an arc is the image of a corner); on a crowned pad, heights follow the local thickness.
+Every load is the sum of four parts, each even or odd across each of the two middle planes.
+
+On a crowned top, the wide layer is laid over the plan. Lengths along a slope are longer there than in the plan, so
+loads in W are scaled by the power 3/4 of the ratio of areas: then the singular parts of F and W agree when averaged
+over all directions.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from scipy import fft
+from scipy.interpolate import BSpline
+from scipy.linalg import pinvh
+from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse.linalg import splu
+from threadpoolctl import threadpool_limits
+
+from optopad.design.arrays import FloatArray, IntArray
+from optopad.design.shape.cavity import Plan
+from optopad.design.shape.outline import Box, Kind, Outline, outline_in
+from optopad.design.shape.top import Top
+
+MARGIN = 3.0
+"""Margin of the periodic domain around the pad [thicknesses]; the response decays as exp(-2 r / h)."""
+PARITIES = ((1, 1), (1, -1), (-1, 1), (-1, -1))
+"""Symmetry of a field across the middle plane of x and of y: 1 is even, -1 is odd."""
+
+
+def wide_compliance(q: FloatArray, thickness: float) -> FloatArray:
+    """Displacement over pressure (...) of a wide layer at wave numbers q (...) [1/mm], for a shear modulus of 1."""
+    q = np.asarray(q, np.float64)
+    k = np.minimum(q * thickness, 40.0)
+    share = np.tanh(k) - k / np.cosh(k) ** 2
+    share /= 1.0 + (k / np.cosh(k)) ** 2
+    return np.divide(share, 2.0 * q, out=np.zeros_like(q), where=q > 0.0)
+
+
+class WideLayer:
+    """Response of a layer without walls on a grid of equally spaced nodes, by Fourier transforms."""
+
+    def __init__(self, thickness: float, steps: tuple[float, float], shape: tuple[int, int]) -> None:
+        """Prepare a grid of `shape` nodes, `steps` apart along x and y [mm]."""
+        self._size = tuple(
+            fft.next_fast_len(n + int(MARGIN * thickness / step), real=True)
+            for n, step in zip(shape, steps, strict=True)
+        )
+        qx = 2.0 * np.pi * fft.fftfreq(self._size[0], steps[0])
+        qy = 2.0 * np.pi * fft.rfftfreq(self._size[1], steps[1])
+        self._compliance = wide_compliance(np.hypot(qx[:, None], qy), thickness)
+
+    def moved(self, pressure: FloatArray) -> FloatArray:
+        """Displacement (..., nx, ny) of the nodes under a pressure (..., nx, ny)."""
+        waves = fft.rfft2(pressure, s=self._size, workers=2)
+        waves *= self._compliance
+        found = fft.irfft2(waves, s=self._size, workers=2, overwrite_x=True)
+        return np.asarray(found[..., : pressure.shape[-2], : pressure.shape[-1]])
+
+    def within(self, shape: tuple[int, int]) -> WideLayer:
+        """The same response among the nodes of a smaller grid, at less cost."""
+        kernel = fft.irfft2(self._compliance, s=self._size)
+        small = object.__new__(WideLayer)
+        small._size = tuple(
+            min(fft.next_fast_len(2 * n, real=True), size) for n, size in zip(shape, self._size, strict=True)
+        )
+        for axis, size in enumerate(small._size):
+            near = np.fft.fftfreq(size, 1.0 / size).astype(np.int64)
+            kernel = kernel.take(near, axis=axis)
+        small._compliance = fft.rfft2(kernel).real
+        return small
+
+
+Knots = tuple[FloatArray, FloatArray]
+LEAST_NORMAL = 0.1
+ELEMENT, MOST_ELEMENTS = 0.2, 10
+"""Side of an element over the thickness [-], and largest number of elements along an axis of the quarter."""
+SPLINE = 1.65
+"""Spacing of the B-splines' knots over the side of an element [-]; narrower loads would not be resolved."""
+GRID = 6
+"""Nodes per interval of the grid on which the wide layer's W is computed."""
+HEIGHTS = 1.0 - np.linspace(1.0, 0.0, 5) ** 1.6
+"""Heights of the element boundaries over the local thickness [-], closer together towards the top."""
+LEAST_MASS = 1e-3
+"""Splines with less than this share of the largest one's mass inside the outline are left out."""
+
+
+@dataclass(frozen=True, eq=False)
+class PadLayer:
+    """The change S of a wide layer's response by a pad's own walls, outline and crown.
+
+    Attributes
+    ----------
+    thickness : thickness of the wide layer, the elastic thickness at the pad's highest point [mm]
+    knots : for x and y, knots of the cubic B-splines [mm]
+    coefficients : (spline, spline) the matrix C; the index of y runs fastest
+    """
+
+    thickness: float
+    knots: tuple[FloatArray, FloatArray]
+    coefficients: FloatArray
+
+    def at(self, x_mm: FloatArray, y_mm: FloatArray) -> csr_matrix:
+        """Values (n, spline) of the splines at places (n,) in the plan, in cavity coordinates [mm]."""
+        one, other = (_splines(knots, at) for knots, at in zip(self.knots, (x_mm, y_mm), strict=True))
+        n, each = len(one.indices) // 4, 4
+        column = one.indices.reshape(n, each, 1) * other.shape[1] + other.indices.reshape(n, 1, each)
+        value = one.data.reshape(n, each, 1) * other.data.reshape(n, 1, each)
+        shape = n, one.shape[1] * other.shape[1]
+        return csr_matrix((value.ravel(), column.ravel(), np.arange(n + 1) * each**2), shape=shape)
+
+
+def _splines(knots: FloatArray, at: FloatArray) -> csr_matrix:
+    low, high = knots[3], knots[-4]
+    return csr_matrix(BSpline.design_matrix(np.clip(at, low, high), knots, 3))
+
+
+def pad_layer(plan: Plan, black_mm: float) -> PadLayer:
+    """The response of a pad; it takes seconds, and those of the last pads are kept.
+
+    Parameters
+    ----------
+    plan : outline and top of the pad
+    black_mm : thickness of the black layer, which deforms with the clear one
+    """
+    return _found(plan.outline.kind, plan.outline.box_mm, plan.top, plan.top.clear_mm + black_mm)
+
+
+@lru_cache(maxsize=16)
+def _found(kind: Kind, box_mm: Box, top: Top, thickness: float) -> PadLayer:
+    outline = outline_in(kind, box_mm)
+    sides = box_mm[2] - box_mm[0], box_mm[3] - box_mm[1]
+    elements = [int(np.clip(np.ceil(side / 2 / (ELEMENT * thickness)), 4, MOST_ELEMENTS)) for side in sides]
+    counts = [round(2 * count / SPLINE) for count in elements]
+    x, y = (
+        low + side / count * np.arange(-3, count + 4)
+        for low, side, count in zip(box_mm[:2], sides, counts, strict=True)
+    )
+    wide, mass = _wide_part(outline, top, thickness, (x, y), counts)
+    pad = _Quarter(outline, top, thickness, elements).answer((x, y))
+    kept = np.ix_(*2 * [np.flatnonzero(np.diag(mass) > LEAST_MASS * np.diag(mass).max())])
+    inverse = np.zeros_like(mass)
+    inverse[kept] = pinvh(mass[kept])
+    found = inverse @ (pad - wide) @ inverse
+    return PadLayer(thickness, (x, y), 0.5 * (found + found.T))
+
+
+def _wide_part(
+    outline: Outline, top: Top, thickness: float, knots: Knots, counts: list[int]
+) -> tuple[FloatArray, FloatArray]:
+    """The matrices W and M of the splines."""
+    x0, y0, x1, y1 = outline.box_mm
+    nodes = [GRID * count for count in counts]
+    steps = (x1 - x0) / nodes[0], (y1 - y0) / nodes[1]
+    axes = [low + (np.arange(n) + 0.5) * step for low, n, step in zip((x0, y0), nodes, steps, strict=True)]
+    x, y = np.meshgrid(*axes, indexing="ij")
+    inside = np.clip(outline.gap_mm(x, y) / min(steps) + 0.5, 0.0, 1.0)
+    stretch = 1.0 / np.maximum(top.normal(x, y)[..., 2], LEAST_NORMAL)
+    shapes = [_splines(one, at).toarray() for one, at in zip(knots, axes, strict=True)]
+    splines = np.einsum("xi,yj->ijxy", *shapes).reshape(-1, inside.size)
+    area = steps[0] * steps[1]
+    mass = area * (splines * (inside * stretch).ravel()) @ splines.T
+    loads = splines * (inside * stretch**0.75).ravel()
+    moved = WideLayer(thickness, steps, inside.shape).moved(loads.reshape(-1, *inside.shape))
+    return area * loads @ moved.reshape(loads.shape).T, mass
+
+
+POINTS, WEIGHTS = np.polynomial.legendre.leggauss(3)
+QUADRATIC = np.stack([0.5 * POINTS * (POINTS - 1.0), 1.0 - POINTS**2, 0.5 * POINTS * (POINTS + 1.0)], axis=1)
+SLOPES = np.stack([POINTS - 0.5, -2.0 * POINTS, POINTS + 0.5], axis=1)
+HATS = np.stack([0.5 * (1.0 - POINTS), 0.5 * (1.0 + POINTS)], axis=1)
+"""Shape functions (point, function) along one axis of an element, at Gauss' points."""
+
+
+class _Quarter:
+    """Finite elements of the quarter of a pad at x, y above its middle; z is the height above the floor."""
+
+    def __init__(self, outline: Outline, top: Top, thickness: float, counts: list[int]) -> None:
+        self.centre = outline.centre_mm
+        self.counts = (*counts, len(HEIGHTS) - 1)
+        x, y = _mapped(outline, counts)
+        z = np.interp(np.arange(2 * len(HEIGHTS) - 1) / 2.0, np.arange(len(HEIGHTS)), HEIGHTS)
+        local = thickness - top.sag_mm(x + self.centre[0], y + self.centre[1])
+        grids = np.broadcast_arrays(x[..., None], y[..., None], local[..., None] * z)
+        self.places = np.stack([grid.ravel() for grid in grids], axis=1)
+        number = np.arange(len(self.places)).reshape(grids[0].shape)
+        self.of_element = _windows(number, 3)
+        self.number = number
+        self.pressures = np.arange(np.prod(np.array(self.counts) + 1)).reshape(np.array(self.counts) + 1)
+        self.matrix = self._assembled(_windows(self.pressures, 2))
+
+    def _assembled(self, of_pressure: IntArray) -> csr_matrix:
+        size, (slopes, weights) = len(self.places), self._slopes()
+        hats = np.einsum("ai,bj,ck->abcijk", HATS, HATS, HATS).reshape(27, 8)
+        tensor = np.einsum("egai,egbj,eg->eijab", slopes, slopes, weights, optimize=True)
+        trace = np.einsum("eiiab->eab", tensor)
+        squeezed = -np.einsum("gc,egai,eg->eiac", hats, slopes, weights, optimize=True)
+        rows, columns, values = [], [], []
+
+        def put(row: IntArray, column: IntArray, value: FloatArray) -> None:
+            for kept, one in zip(
+                (rows, columns), np.broadcast_arrays(row[:, :, None], column[:, None, :]), strict=True
+            ):
+                kept.append(one.ravel())
+            values.append(value.ravel())
+
+        node = self.of_element
+        for i, j in itertools.product(range(3), repeat=2):
+            part = tensor[:, j, i]
+            put(node + i * size, node + j * size, part + trace if i == j else part)
+        for i in range(3):
+            put(node + i * size, of_pressure + 3 * size, squeezed[:, i])
+            put(of_pressure + 3 * size, node + i * size, squeezed[:, i].transpose(0, 2, 1))
+        total = 3 * size + self.pressures.size
+        entries = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
+        return csr_matrix(coo_matrix(entries, shape=(total, total)))
+
+    def _slopes(self) -> tuple[FloatArray, FloatArray]:
+        """Gradients (element, point, function, axis) of the quadratic shape functions, and weights of the points."""
+        names = [[SLOPES if k == axis else QUADRATIC for k in range(3)] for axis in range(3)]
+        local = np.stack([np.einsum("ai,bj,ck->abcijk", *one).reshape(27, 27) for one in names], axis=-1)
+        jacobian = np.einsum("gns,enx->egxs", local, self.places[self.of_element], optimize=True)
+        weights = np.einsum("a,b,c->abc", WEIGHTS, WEIGHTS, WEIGHTS).ravel() * np.linalg.det(jacobian)
+        return np.einsum("gns,egsx->egnx", local, np.linalg.inv(jacobian), optimize=True), weights
+
+    def answer(self, knots: Knots) -> FloatArray:
+        """The matrix F of the splines in the whole pad."""
+        forces, x, y = self._top()
+        shapes = [_splines(one, at).toarray() for one, at in zip(knots, (x, y), strict=True)]
+        total = np.zeros((shapes[0].shape[1] * shapes[1].shape[1],) * 2)
+        for parity in PARITIES:
+            folded, spread = zip(
+                *(_folding(one.shape[1], even) for one, even in zip(shapes, parity, strict=True)), strict=True
+            )
+            one, other = (shape @ fold for shape, fold in zip(shapes, folded, strict=True))
+            load = forces @ np.einsum("gi,gj->gij", one, other).reshape(len(x), -1)
+            both = np.kron(*spread)
+            total += both @ (4.0 * load.T @ self._moved(parity, load)) @ both.T
+        return total
+
+    def _top(self) -> tuple[csr_matrix, FloatArray, FloatArray]:
+        """Nodal forces by a unit pressure around each of Gauss' points on the top, and the points' cavity x and y."""
+        node = _windows(self.number[:, :, -1], 3)
+        shape = np.einsum("ai,bj->abij", QUADRATIC, QUADRATIC).reshape(9, 9)
+        along = [
+            np.einsum("ai,bj->abij", *one).reshape(9, 9) for one in ((SLOPES, QUADRATIC), (QUADRATIC, SLOPES))
+        ]
+        at = self.places[node]
+        areas = np.cross(*(np.einsum("gn,enx->egx", one, at) for one in along))
+        areas *= np.outer(WEIGHTS, WEIGHTS).reshape(1, 9, 1)
+        values = -np.einsum("gn,egx->egnx", shape, areas)
+        rows = node[:, None, :, None] + len(self.places) * np.arange(3)
+        columns = np.arange(areas.shape[0] * 9).reshape(-1, 9, 1, 1)
+        entries = values.ravel(), tuple(one.ravel() for one in np.broadcast_arrays(rows, columns))
+        x, y, _ = np.einsum("gn,enx->xeg", shape, at).reshape(3, -1)
+        sizes = self.matrix.shape[0], len(x)
+        return csr_matrix(coo_matrix(entries, shape=sizes)), x + self.centre[0], y + self.centre[1]
+
+    def _moved(self, parity: tuple[int, int], load: FloatArray) -> FloatArray:
+        """Displacements and pressures under loads (unknown, load) of a symmetry."""
+        held = np.zeros((3, *self.number.shape), dtype=np.bool_)
+        held[:, :, :, 0] = held[:, -1] = held[:, :, -1] = True
+        empty = np.zeros(self.pressures.shape, dtype=np.bool_)
+        for axis, even in enumerate(parity):
+            plane = (slice(None),) * axis + (0,)
+            for k in range(3):
+                if (k == axis) == (even == 1):
+                    held[k][plane] = True
+            if even == -1:
+                empty[plane] = True
+        free = np.flatnonzero(~np.concatenate([held.ravel(), empty.ravel()]))
+        out = np.zeros_like(load)
+        with threadpool_limits(1, user_api="blas"):
+            out[free] = splu(
+                self.matrix[free][:, free].tocsc(),
+                permc_spec="MMD_AT_PLUS_A",
+                options={"SymmetricMode": True},
+                diag_pivot_thresh=1e-3,
+            ).solve(load[free])
+        return out
+
+
+def _windows(number: IntArray, width: int) -> IntArray:
+    """Numbers (element, node) of the nodes of every element of a grid; elements share their borders."""
+    found = np.lib.stride_tricks.sliding_window_view(number, (width,) * number.ndim)
+    return found[(slice(None, None, width - 1),) * number.ndim].reshape(-1, width**number.ndim)
+
+
+def _folding(count: int, even: int) -> tuple[FloatArray, FloatArray]:
+    """Even or odd parts (spline, part) of splines that are mirror images, and the splines (spline, part) from them."""
+    parts = (count + (even == 1)) // 2
+    one = np.eye(count)[:, :parts]
+    return 0.5 * (one + even * one[::-1]), np.where(one[::-1] > one, float(even), one)
+
+
+def _mapped(outline: Outline, counts: list[int]) -> tuple[FloatArray, FloatArray]:
+    """The nodes' x and y (nx, ny) from the pad's middle, in the quarter where both are positive: Coons' patch."""
+    x0, y0, x1, y1 = outline.box_mm
+    a, b = (x1 - x0) / 2, (y1 - y0) / 2
+    r = min(a, b) if outline.arcs else 0.0
+    s, t = (np.linspace(0.0, 1.0, 2 * count + 1) for count in counts)
+
+    def side(straight: float, share: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Along a side from the middle plane to the corner or the middle of the arc: distances along and inward."""
+        way = share * (straight + r * np.pi / 4)
+        turn = np.maximum(way - straight, 0.0) / r if r else 0.0 * way
+        return np.minimum(way, straight) + r * np.sin(turn), r * (1.0 - np.cos(turn))
+
+    along_top, below = side(a - r, s)
+    along_east, inward = side(b - r, t)
+    s, t = s[:, None], t[None, :]
+    tx, ty = along_top[:, None], b - below[:, None]
+    ex, ey = a - inward[None, :], along_east[None, :]
+    return t * tx + s * ex - s * t * tx[-1], t * ty + s * ey - s * t * ty[-1]
