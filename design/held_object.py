@@ -137,7 +137,7 @@ class HeldObject(Model):
 
     @property
     def words(self) -> str:
-        """Description for reports and messages, as "a cylinder of radius 5 mm, 100 mm long, turned by 30 deg"."""
+        """Description for reports and messages, as "a cylinder of radius 5 mm, 10 mm long, turned by 30 deg"."""
         turns = (("turned", self.yaw), ("pitched", self.pitch), ("rolled", self.roll))
         turned = [f"{word} by {angle:g} deg" for word, angle in turns if angle]
         finish = {None: [], "metal": ["of bare metal"]}.get(self.finish, [f"{self.finish}"])
@@ -212,7 +212,7 @@ class Cylinder(Edged):
 
     kind: Literal["cylinder"] = "cylinder"
     radius: Annotated[Length, Field(description="radius")] = 5.0
-    length: Annotated[Length, Field(description="length of its axis, longer than a pad by default")] = 100.0
+    length: Annotated[Length, Field(description="length of its axis")] = 10.0
 
     @property
     def room_for_edge_mm(self) -> float:
@@ -229,9 +229,9 @@ class Box(Edged):
     """A box with a face, an edge along x or a corner down, before it is turned further."""
 
     kind: Literal["box"] = "box"
-    length: Annotated[Length, Field(description="length along x")] = 20.0
-    width: Annotated[Length, Field(description="length along y")] = 20.0
-    height: Annotated[Length, Field(description="length along z")] = 20.0
+    length: Annotated[Length, Field(description="length along x")] = 8.0
+    width: Annotated[Length, Field(description="length along y")] = 8.0
+    height: Annotated[Length, Field(description="length along z")] = 8.0
     pose: Annotated[
         Literal["face", "edge", "corner"],
         Field(description="what is straight below its centre; edge is the edge along its length"),
@@ -270,8 +270,8 @@ class Torus(HeldObject):
     """A ring that lies flat before it is turned."""
 
     kind: Literal["torus"] = "torus"
-    radius: Annotated[Length, Field(description="radius of the circle in the middle of the tube")] = 6.0
-    tube: Annotated[Length, Field(description="radius of the tube")] = 1.5
+    radius: Annotated[Length, Field(description="radius of the circle in the middle of the tube")] = 4.0
+    tube: Annotated[Length, Field(description="radius of the tube")] = 1.25
 
     @model_validator(mode="after")
     def _has_a_hole(self) -> Self:

@@ -73,16 +73,16 @@ def test_every_kind_but_a_mesh_has_usual_sizes_and_words() -> None:
     assert said == {
         "sphere": "a sphere of radius 3 mm",
         "ellipsoid": "an ellipsoid with half axes of 6, 4 and 3 mm",
-        "cylinder": "a cylinder of radius 5 mm, 100 mm long",
-        "box": "a box of 20 x 20 x 20 mm",
+        "cylinder": "a cylinder of radius 5 mm, 10 mm long",
+        "box": "a box of 8 x 8 x 8 mm",
         "punch": "a flat punch of radius 2.5 mm, its edge rounded by 0.3 mm",
-        "torus": "a torus of radius 6 mm, its tube of radius 1.5 mm",
+        "torus": "a torus of radius 4 mm, its tube of radius 1.25 mm",
     }
     assert held_of("cylinder,yaw=30,finish=metal").words == (
-        "a cylinder of radius 5 mm, 100 mm long, turned by 30 deg, of bare metal"
+        "a cylinder of radius 5 mm, 10 mm long, turned by 30 deg, of bare metal"
     )
     assert held_of("box,pose=edge,pitch=2,finish=white").words == (
-        "a box of 20 x 20 x 20 mm, an edge down, pitched by 2 deg, white"
+        "a box of 8 x 8 x 8 mm, an edge down, pitched by 2 deg, white"
     )
 
 

@@ -86,12 +86,12 @@ def test_a_sphere_and_an_ellipsoid_have_their_closed_forms_and_touch_at_zero() -
 def test_a_turned_cylinder_is_a_circle_across_its_axis_and_a_pitched_one_is_steeper() -> None:
     x, y = GRID
     across = y * math.cos(math.pi / 6) - x * math.sin(math.pi / 6)
-    found = bottom("cylinder,radius=5,yaw=30")
+    found = bottom("cylinder,radius=5,length=100,yaw=30")
     under = np.abs(across) < 4.9  # a steeper flank turns a gap into a larger error along z
     assert np.abs(found - 5.0 + np.sqrt(np.maximum(25.0 - across**2, 0.0)))[under].max() < EXACT_MM
     assert np.isinf(found[np.abs(across) > 5.0]).all()
     pitch = math.radians(10.0)
-    pitched = bottom("cylinder,radius=5,pitch=10")
+    pitched = bottom("cylinder,radius=5,length=100,pitch=10")
     along = -x * math.tan(pitch) - np.sqrt(np.maximum(25.0 - y**2, 0.0)) / math.cos(pitch)
     lowest = (
         -(50.0 - 0.3) * math.sin(pitch) - (5.0 - 0.3) * math.cos(pitch) - 0.3
