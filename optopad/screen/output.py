@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 STAGE_TITLES = {
     "kernels": "compiling the light kernels, once on this machine: half a minute or more",
     "contact": "contact (MuJoCo)",
+    "objects": "contact of the objects",
     "pairs": "light, pair by pair",
     "light": "light",
     "loose walls": "light, walls torn loose",
