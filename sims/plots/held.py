@@ -43,7 +43,8 @@ def plot_held(draft: Draft, top: GridTop, changes: FloatArray, title: str) -> Fi
         ax.set_xlim(-2.5, plan.length_mm + 2.5)
         ax.set_ylim(-2.5, plan.width_mm + 2.5)
     x, y = _plan_of(draft, top)
-    scale = TwoSlopeNorm(0.0, min(top.height_mm.min(), -1e-6), max(top.height_mm.max(), 1e-6))
+    low, high = min(float(top.height_mm.min()), -1e-6), max(float(top.height_mm.max()), 1e-6)
+    scale = TwoSlopeNorm(0.0, low, high)
     mesh = surface.pcolormesh(
         x, y, top.height_mm, cmap=HEIGHTS, norm=scale, shading="gouraud", rasterized=True
     )
