@@ -106,11 +106,11 @@ ELEMENT, MOST_ELEMENTS = 0.2, 10
 """Side of an element over the thickness [-], and largest number of elements along an axis of the quarter."""
 SPLINE = 1.65
 """Spacing of the B-splines' knots over the side of an element [-]; narrower loads would not be resolved."""
-GRID = 6
+GRID = 8
 """Nodes per interval of the grid on which the wide layer's W is computed."""
-HEIGHTS = 1.0 - np.linspace(1.0, 0.0, 5) ** 1.6
+HEIGHTS = 1.0 - np.linspace(1.0, 0.0, 4) ** 2
 """Heights of the element boundaries over the local thickness [-], closer together towards the top."""
-LEAST_MASS = 1e-3
+LEAST_MASS = 1e-5
 """Splines with less than this share of the largest one's mass inside the outline are left out."""
 
 

@@ -21,12 +21,15 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import uniform_filter
+from scipy.ndimage import distance_transform_edt, label, map_coordinates, maximum, minimum, uniform_filter
 from scipy.optimize import brentq
+from scipy.sparse import csr_matrix
+from scipy.spatial import cKDTree
 
 from optopad.design.arrays import FloatArray
 from optopad.design.errors import InputError, ModelScopeError
-from optopad.sims.contact.held.layer import PadLayer, WideLayer, pad_layer
+from optopad.design.shape.cavity import Plan
+from optopad.sims.contact.held.layer import LEAST_NORMAL, WideLayer, pad_layer
 from optopad.sims.contact.held.solve import contact_pressure
 from optopad.sims.contact.scope import Contact, Place
 from optopad.sims.press import GridTop
@@ -35,10 +38,19 @@ STEP_MM = 0.16
 """Largest distance of the grid's nodes."""
 SETTLED = 1e-6
 """Largest accepted gap or overlap in the contact, over the depth [-]."""
+BORDER = 256
+"""Pieces of each wall at whose ends the splines' error is known."""
+REACH = 0.25
+"""Nodes with a gap below this share of the depth are solved first; others join if they touch."""
+FADING = 0.1
+"""Length over the thickness over which the error of the splines at the walls is taken back [-]."""
 LARGEST_SHARE = 0.4
 """Deepest press over the elastic layer's thickness at the location [-]."""
 NEAREST = 0.15
 """Least distance of the contact from a wall, over the layer's thickness [-]."""
+
+
+Window = tuple[slice, slice]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,11 +77,7 @@ class HeldPress:
 
 def grid_of(contact: Contact, at_mm: Place) -> tuple[FloatArray, FloatArray]:
     """Equally spaced nodes x (nx,) and y (ny,) of a grid that covers the pad, in the press frame at a location [mm]."""
-    plan = contact.draft.plan
-    origin, axes = plan.top.press_frame(*at_mm)
-    border = np.concatenate([one.points(np.linspace(0.0, 1.0, 65)) for one in plan.outline.loop])
-    height = plan.top.height_mm(*border.T)
-    x, y, _ = axes @ (np.column_stack([border, height]) - origin).T
+    x, y = _border(contact.draft.plan, at_mm)[1].T
     spans = [(float(one.min()), float(one.max())) for one in (x, y)]
     longest = max(high - low for low, high in spans)
     step = longest / math.ceil(longest / STEP_MM)
@@ -79,6 +87,14 @@ def grid_of(contact: Contact, at_mm: Place) -> tuple[FloatArray, FloatArray]:
         for (low, high), count in zip(spans, counts, strict=True)
     )
     return first, second
+
+
+def _border(plan: Plan, at_mm: Place) -> tuple[FloatArray, FloatArray]:
+    """Points (n, 2) of the pad's border in cavity coordinates, and in the press frame at a location [mm]."""
+    share = np.linspace(0.0, 1.0, BORDER + 1)
+    border = np.concatenate([one.points(share) for one in plan.outline.loop])
+    origin, axes = plan.top.press_frame(*at_mm)
+    return border, ((np.column_stack([border, plan.top.height_mm(*border.T)]) - origin) @ axes.T)[:, :2]
 
 
 class _Pad:
@@ -95,45 +111,65 @@ class _Pad:
         places = np.stack(np.meshgrid(self.x_mm, self.y_mm, indexing="ij"))
         self.sag_mm = plan.top.in_frame.sag_mm(*places)
         origin, axes = plan.top.press_frame(*at_mm)
+        normal = plan.top.in_frame.normal(*places)[..., 2]
         x, y, _ = np.einsum("kij,kc->cij", np.stack([*places, -self.sag_mm]), axes) + origin[:, None, None]
         self.wall_mm = np.where(np.isfinite(self.sag_mm), plan.outline.gap_mm(x, y), -np.inf)
-        self.inside = self.wall_mm > 1e-9
-        self.layer: PadLayer = pad_layer(plan, cavity.black_thickness_mm)
+        self.inside = self.wall_mm > -1e-9
+        self.slope = np.maximum(normal, LEAST_NORMAL)
+        self.layer = pad_layer(plan, cavity.black_thickness_mm)
         self.wide = WideLayer(self.layer.thickness, (self.step_mm, self.step_mm), self.inside.shape)
         self.splines = self.layer.at(x[self.inside], y[self.inside])
+        border, in_frame = _border(plan, at_mm)
+        self._border = (in_frame - (self.x_mm[0], self.y_mm[0])).T / self.step_mm
+        self._border_splines = self.layer.at(*border.T)
+        nodes = np.stack([one[self.inside] for one in places], axis=1)
+        away, self._nearest = cKDTree(in_frame).query(nodes)
+        share = away / (FADING * self.layer.thickness)
+        self._fading = (1.0 - share) * np.exp(-share)  # its integral is 0, so that the volume stays
 
-    def moved(self, pressure: FloatArray) -> FloatArray:
-        """Downward displacement (nx, ny) [mm] of the top under a pressure (nx, ny) [shear moduli]; 0 outside."""
-        change = self.layer.coefficients @ (self.splines.T @ pressure[self.inside]) * self.step_mm**2
-        found = np.zeros_like(pressure)
-        found[self.inside] = self.wide.moved(pressure)[self.inside] + self.splines @ change
+    def moved(self, load: FloatArray) -> FloatArray:
+        """Downward displacement (nx, ny) of the top along its normal [mm]; 0 at the walls and outside.
+
+        Parameters
+        ----------
+        load : (nx, ny) pressure times the top's area over the grid's [shear moduli]
+        """
+        steep = self.slope**0.25
+        wide = steep * self.wide.moved(steep * load)
+        change = self.layer.coefficients @ (self.splines.T @ load[self.inside]) * self.step_mm**2
+        left = map_coordinates(wide, self._border, order=1, mode="nearest") + self._border_splines @ change
+        found = np.zeros_like(load)
+        found[self.inside] = wide[self.inside] + self.splines @ change - self._fading * left[self._nearest]
+        return found
+
+    def _moved(self, load: FloatArray, wide: WideLayer, splines: csr_matrix, window: Window) -> FloatArray:
+        inside, steep = self.inside[window], self.slope[window] ** 0.25
+        change = self.layer.coefficients @ (splines.T @ load[inside]) * self.step_mm**2
+        found = steep * wide.moved(steep * load)
+        found[inside] += splines @ change
         return found
 
     def pressed(self, gap: FloatArray, depth_mm: float) -> FloatArray:
-        """Pressure (nx, ny) [shear moduli] under an object whose gap (nx, ny) to the untouched top is given [mm]."""
-        near = gap < 0.25 * depth_mm
+        """Load (nx, ny), as of `moved`, under an object with a gap (nx, ny) to the untouched top along its normal."""
+        near = gap < REACH * depth_mm
+        settled = SETTLED * depth_mm
         while True:
-            window = tuple(slice(int(k.min()), int(k.max()) + 1) for k in np.nonzero(near))
+            x, y = (slice(int(k.min()), int(k.max()) + 1) for k in np.nonzero(near))
+            inside = self.inside[x, y]
+            number = np.cumsum(self.inside).reshape(self.inside.shape)[x, y][inside] - 1
+            splines, wide = self.splines[number], self.wide.within(inside.shape)
             found = np.zeros_like(gap)
-            found[window] = self._within(gap[window], window, SETTLED * depth_mm)
-            beyond = (self.moved(found) + gap < -2.0 * SETTLED * depth_mm) & ~near
-            beyond[window] = False
+            found[x, y], _ = contact_pressure(
+                lambda load, wide=wide, splines=splines, x=x, y=y: self._moved(load, wide, splines, (x, y)),
+                gap[x, y],
+                settled,
+                np.maximum(-gap[x, y], 0.0),
+            )
+            beyond = self._moved(found, self.wide, self.splines, (slice(None),) * 2) + gap < -2.0 * settled
+            beyond[x, y] = False
             if not beyond.any():
                 return found
             near |= beyond
-
-    def _within(self, gap: FloatArray, window: tuple[slice, ...], settled: float) -> FloatArray:
-        inside = self.inside[window]
-        number = np.cumsum(self.inside.ravel()).reshape(self.inside.shape)[window][inside] - 1
-        splines, wide = self.splines[number], self.wide.within(gap.shape)
-
-        def moved(pressure: FloatArray) -> FloatArray:
-            change = self.layer.coefficients @ (splines.T @ pressure[inside]) * self.step_mm**2
-            found = wide.moved(pressure)
-            found[inside] += splines @ change
-            return found
-
-        return contact_pressure(moved, gap, settled, np.maximum(-gap, 0.0))[0]
 
 
 def held_press(
@@ -246,31 +282,54 @@ def _at_force(pad: _Pad, at_mm: Place, gap: FloatArray, force_n: float) -> HeldP
 
 
 def _at_depth(pad: _Pad, at_mm: Place, gap: FloatArray, depth_mm: float) -> HeldPress:
-    overlap = np.where(pad.inside, gap - depth_mm, np.inf)
+    zero = np.zeros_like(gap)
     if depth_mm == 0.0:
-        zero = np.zeros_like(gap)
         top = GridTop(at_mm=at_mm, x_mm=pad.x_mm, y_mm=pad.y_mm, height_mm=zero, level=zero - pad.step_mm)
         return HeldPress(top=top, pressure_mpa=zero, force_n=0.0, area_mm2=0.0, depth_mm=depth_mm)
     _require_scope(pad, gap, depth_mm)
-    pressure = pad.pressed(overlap, depth_mm)
-    moved = pad.moved(pressure)
-    touching = pressure > 0.0
+    overlap = np.where(pad.wall_mm > 1e-9, gap - depth_mm, np.inf)
+    load = pad.pressed(pad.slope * overlap, depth_mm)
+    touching = load > 0.0
     nearest = float(pad.wall_mm[touching].min())
     if nearest < NEAREST * pad.layer.thickness:
         raise ModelScopeError(
             f"objects: at {depth_mm:.3g} mm their contact comes within {nearest:.2g} mm of a wall; the model covers "
             f"{NEAREST * pad.layer.thickness:.2g} mm and more; press less deep, or move them to the middle"
         )
+    moved = pad.moved(load) / pad.slope
     height = np.where(touching, overlap, -moved)
+    pressure = load * pad.slope
     level = edge_level(pressure, np.where(touching, 0.0, moved + overlap), pad.step_mm)
+    pressure *= pad.shear_mpa / stiffening(overlap, level, pad.step_mm)
     cell = pad.step_mm**2
     return HeldPress(
         top=GridTop(at_mm=at_mm, x_mm=pad.x_mm, y_mm=pad.y_mm, height_mm=height, level=level),
-        pressure_mpa=pad.shear_mpa * pressure,
-        force_n=float(pad.shear_mpa * pressure.sum() * cell),
-        area_mm2=float(_area(level, pad.step_mm)),
+        pressure_mpa=pressure,
+        force_n=float(pressure.sum() * cell),
+        area_mm2=_area(level, pad.step_mm),
         depth_mm=depth_mm,
     )
+
+
+SOFTER = 0.075, 0.042
+"""How much softer a ball's contact is with finite strains: coefficients of the strain and of its square [-]."""
+
+
+def stiffening(overlap: FloatArray, level: FloatArray, step: float) -> FloatArray:
+    """Force of the linear layer over that with finite strains (nx, ny), the same over each area of contact [-].
+
+    Parameters
+    ----------
+    overlap : (nx, ny) object's height over the untouched top, negative where it overlaps [mm]
+    level : (nx, ny) distance from the contact's edge near it [mm]
+    step : distance of the nodes [mm]
+    """
+    number, count = label(level > 0.0, structure=np.ones((3, 3)))
+    away, nearest = distance_transform_edt(number > 0, sampling=step, return_indices=True)
+    half_width = maximum(away + level[tuple(nearest)], number, np.arange(1, count + 1))
+    depth = -minimum(overlap, number, np.arange(1, count + 1))
+    strain = np.append(0.0, depth / half_width)
+    return np.asarray((1.0 + SOFTER[0] * strain + SOFTER[1] * strain**2)[number])
 
 
 def edge_level(pressure: FloatArray, gap: FloatArray, step: float) -> FloatArray:
