@@ -29,7 +29,9 @@ distances from the edge add up to the part of the grid's step that is normal to 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt, label, map_coordinates, uniform_filter
@@ -49,6 +51,10 @@ STEP_MM = 0.16
 """Largest distance of the grid's nodes."""
 SETTLED = 1e-6
 """Largest accepted gap or overlap in the contact, over the depth [-]."""
+FORGIVEN = 1e-4
+"""Overlap over the depth [-] outside the part of the grid that is solved, from which on this part is enlarged."""
+UNSEEN = 0.1
+"""Height over the grid's step within which an object that touches between the nodes is not missed [-]."""
 BORDER = 256
 """Pieces of each wall at whose ends the splines' error is known."""
 REACH = 0.25
@@ -94,7 +100,7 @@ def grid_of(contact: Contact, at_mm: Place) -> tuple[FloatArray, FloatArray]:
     step = longest / math.ceil(longest / STEP_MM)
     counts = [math.ceil((high - low) / step - 1e-6) for low, high in spans]
     first, second = (
-        (low + high) / 2 + step * (np.arange(count + 1) - count / 2)
+        np.asarray((low + high) / 2 + step * (np.arange(count + 1) - count / 2), np.float64)
         for (low, high), count in zip(spans, counts, strict=True)
     )
     return first, second
@@ -165,34 +171,44 @@ class _Pad:
         found[self.inside] = wide[self.inside] + self.splines @ change - self._fading @ left
         return found
 
-    def _moved(self, load: FloatArray, wide: WideLayer, splines: csr_matrix, window: Window) -> FloatArray:
+    def _response(self, window: Window) -> Callable[[FloatArray], FloatArray]:
+        """The function from loads to displacements in a part of the grid; without what is taken back at the walls."""
         inside, steep = self.inside[window], self.slope[window] ** 0.25
-        change = self.layer.coefficients @ (splines.T @ load[inside]) * self.step_mm**2
-        found = steep * wide.moved(steep * load)
-        found[inside] += splines @ change
-        return found
+        number = np.cumsum(self.inside).reshape(self.inside.shape)[window][inside] - 1
+        splines, wide = self.splines[number], self.wide.within((inside.shape[0], inside.shape[1]))
 
-    def pressed(self, gap: FloatArray, depth_mm: float) -> FloatArray:
-        """Load (nx, ny), as of `moved`, under an object with a gap (nx, ny) to the untouched top along its normal."""
-        near = gap < REACH * depth_mm
-        settled = SETTLED * depth_mm
+        def moved(load: FloatArray) -> FloatArray:
+            change = self.layer.coefficients @ (splines.T @ load[inside]) * self.step_mm**2
+            found = steep * wide.moved(steep * load)
+            found[inside] += splines @ change
+            return found
+
+        return moved
+
+    def pressed(self, gap: FloatArray, depth_mm: float) -> tuple[FloatArray, FloatArray]:
+        """Load and displacement (nx, ny), as of `moved`, under an object.
+
+        Parameters
+        ----------
+        gap : (nx, ny) gap between the object and the untouched top, along its normal [mm]
+        depth_mm : depth of the press; it sets the accuracy
+        """
+        near, settled = gap < REACH * depth_mm, SETTLED * depth_mm
         while True:
             x, y = (slice(int(k.min()), int(k.max()) + 1) for k in np.nonzero(near))
-            inside = self.inside[x, y]
-            number = np.cumsum(self.inside).reshape(self.inside.shape)[x, y][inside] - 1
-            splines, wide = self.splines[number], self.wide.within(inside.shape)
-            found = np.zeros_like(gap)
-            found[x, y], _ = contact_pressure(
-                lambda load, wide=wide, splines=splines, x=x, y=y: self._moved(load, wide, splines, (x, y)),
-                gap[x, y],
-                settled,
-                np.maximum(-gap[x, y], 0.0),
-            )
-            beyond = self._moved(found, self.wide, self.splines, (slice(None),) * 2) + gap < -2.0 * settled
+            load, start = np.zeros_like(gap), np.maximum(-gap[x, y], 0.0)
+            load[x, y], _ = contact_pressure(self._response((x, y)), gap[x, y], settled, start)
+            moved = self.moved(load)
+            beyond = moved + gap < -FORGIVEN * depth_mm
             beyond[x, y] = False
             if not beyond.any():
-                return found
+                return load, moved
             near |= beyond
+
+
+@lru_cache(maxsize=4)
+def _pad_at(contact: Contact, at_mm: Place) -> _Pad:
+    return _Pad(contact, at_mm)
 
 
 def held_press(
@@ -224,7 +240,7 @@ def held_press(
             raise InputError(f"{name}: {value} must be a finite number, 0 or more")
     if not contact.draft.plan.contains(*at_mm):
         raise InputError(f"at_mm: x = {at_mm[0]:g}, y = {at_mm[1]:g} mm must lie in the pad")
-    pad = _Pad(contact, at_mm)
+    pad = _pad_at(contact, at_mm)
     if bottoms.shape != pad.inside.shape or np.isnan(bottoms).any():
         raise InputError(f"bottoms: give one height, or infinity, for each of {pad.inside.shape} nodes")
     gap = bottoms + np.nan_to_num(pad.sag_mm)
@@ -267,11 +283,11 @@ def _require_scope(pad: _Pad, gap: FloatArray, depth_mm: float) -> None:
             f"objects: at {depth_mm:.3g} mm they would touch the rim around the pad; press less deep, move them to "
             "the middle, or take smaller ones"
         )
-    if not over.any():
+    if gap.min() > depth_mm + UNSEEN * pad.step_mm:
         raise ModelScopeError("objects: none of them touches the pad; press deeper or move them over the pad")
 
 
-FORCE_ERROR = 1e-6
+DEPTH_ERROR = 1e-6
 """Accepted relative error of the depth of a press with a given force."""
 
 
@@ -293,25 +309,24 @@ def _at_force(pad: _Pad, at_mm: Place, gap: FloatArray, force_n: float) -> HeldP
             f"{deepest:.3g} mm{f' (deeper: {refused})' if refused else ''}; press with less force"
         )
 
-    def missing(depth_mm: float) -> float:
-        return (
-            _at_depth(pad, at_mm, gap, depth_mm).force_n ** (2 / 3) - force_n ** (2 / 3)
-            if depth_mm
-            else -(force_n ** (2 / 3))
-        )
+    def excess_n(depth_mm: float) -> float:
+        return float(_at_depth(pad, at_mm, gap, depth_mm).force_n ** (2 / 3) - force_n ** (2 / 3))
 
-    found = brentq(missing, 0.0, deepest, rtol=FORCE_ERROR, xtol=FORCE_ERROR * deepest)
+    found = brentq(excess_n, 0.0, deepest, rtol=DEPTH_ERROR, xtol=DEPTH_ERROR * deepest)
     return _at_depth(pad, at_mm, gap, found)
 
 
 def _at_depth(pad: _Pad, at_mm: Place, gap: FloatArray, depth_mm: float) -> HeldPress:
     zero = np.zeros_like(gap)
+    top = GridTop(at_mm=at_mm, x_mm=pad.x_mm, y_mm=pad.y_mm, height_mm=zero, level=zero - pad.step_mm)
+    untouched = HeldPress(top=top, pressure_mpa=zero, force_n=0.0, area_mm2=0.0, depth_mm=depth_mm)
     if depth_mm == 0.0:
-        top = GridTop(at_mm=at_mm, x_mm=pad.x_mm, y_mm=pad.y_mm, height_mm=zero, level=zero - pad.step_mm)
-        return HeldPress(top=top, pressure_mpa=zero, force_n=0.0, area_mm2=0.0, depth_mm=depth_mm)
+        return untouched
     _require_scope(pad, gap, depth_mm)
+    if gap.min() >= depth_mm:  # between the nodes
+        return untouched
     overlap = np.where(pad.wall_mm > 1e-9, gap - depth_mm, np.inf)
-    load = pad.pressed(pad.slope * overlap, depth_mm)
+    load, moved = pad.pressed(pad.slope * overlap, depth_mm)
     touching = load > 0.0
     nearest = float(pad.wall_mm[touching].min())
     if nearest < NEAREST * pad.layer.thickness:
@@ -319,18 +334,31 @@ def _at_depth(pad: _Pad, at_mm: Place, gap: FloatArray, depth_mm: float) -> Held
             f"objects: at {depth_mm:.3g} mm their contact comes within {nearest:.2g} mm of a wall; the model covers "
             f"{NEAREST * pad.layer.thickness:.2g} mm and more; press less deep, or move them to the middle"
         )
-    moved = pad.moved(load) / pad.slope
+    moved = moved / pad.slope
     height = np.where(touching, overlap, -moved)
     pressure = load * pad.slope
     level = edge_level(pressure, np.where(touching, 0.0, moved + overlap), pad.step_mm)
     pressure *= pad.shear_mpa / excess(overlap, level, pad.step_mm, pad.thickness_mm)
-    cell = pad.step_mm**2
+    cell, area = pad.step_mm**2, _area(level, pad.step_mm)
     return HeldPress(
-        top=GridTop(at_mm=at_mm, x_mm=pad.x_mm, y_mm=pad.y_mm, height_mm=height, level=level),
+        top=replace(top, height_mm=height, level=level),
         pressure_mpa=pressure,
         force_n=float(pressure.sum() * cell),
-        area_mm2=_area(level, pad.step_mm),
+        area_mm2=area,
         depth_mm=depth_mm,
+        notes=_notes(pad, area, int(touching.sum())),
+    )
+
+
+FEW_NODES = 20
+
+
+def _notes(pad: _Pad, area_mm2: float, nodes: int) -> tuple[str, ...]:
+    if nodes >= FEW_NODES:
+        return ()
+    return (
+        f"contact: it covers {area_mm2:.2g} mm², {nodes} nodes of a grid of {pad.step_mm:.2g} mm: force and area are "
+        "within 10 %",
     )
 
 

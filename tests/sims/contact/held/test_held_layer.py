@@ -48,7 +48,7 @@ def test_a_window_of_the_wide_layer_answers_as_the_whole() -> None:
 def test_a_long_cylinder_is_that_of_an_active_set() -> None:
     count, length, thickness, depth = 512, 120.0, 9.0, 0.5
     x = (np.arange(count) - count // 2) * length / count
-    compliance = wide_compliance(2.0 * np.pi * np.fft.fftfreq(count, length / count).__abs__(), thickness)
+    compliance = wide_compliance(np.abs(2.0 * np.pi * np.fft.fftfreq(count, length / count)), thickness)
     gap = np.where(np.abs(x) < 5.0, 5.0 - np.sqrt(np.maximum(25.0 - x**2, 0.0)), np.inf) - depth
 
     def moved(load: FloatArray) -> FloatArray:
