@@ -352,7 +352,7 @@ def _at_depth(pad: _Pad, at_mm: Place, gap: FloatArray, depth_mm: float) -> Held
     )
 
 
-FEW_NODES = 20
+FEW_NODES = 9
 """Nodes in contact below which force and area are less accurate."""
 SHARP_SHARE = 1.0 / 6.0
 """Depth over thickness from which on the top beside sharp edges is less accurate [-]."""
@@ -365,8 +365,8 @@ def _notes(
     notes, nodes = [], int(touching.sum())
     if nodes < FEW_NODES:
         notes.append(
-            f"contact: it covers {area_mm2:.2g} mm², {nodes} nodes of a grid of {pad.step_mm:.2g} mm: force and area "
-            "are within 10 %"
+            f"contact: it covers {area_mm2:.2g} mm², {nodes} nodes of a grid of {pad.step_mm:.2g} mm: force is "
+            "within 20 %, area within a half"
         )
     beside = binary_dilation(touching) & ~touching & pad.inside
     if depth_mm > SHARP_SHARE * pad.thickness_mm and (gap[beside] > pad.step_mm).any():
