@@ -28,6 +28,7 @@ from scipy.spatial import cKDTree
 
 from optopad.design.arrays import FloatArray
 from optopad.design.errors import InputError, ModelScopeError
+from optopad.design.rules.touch import LARGEST_HELD_SHARE, NEAREST_HELD
 from optopad.design.shape.cavity import Plan
 from optopad.sims.contact.held.layer import LEAST_NORMAL, WideLayer, pad_layer
 from optopad.sims.contact.held.solve import contact_pressure
@@ -44,10 +45,6 @@ REACH = 0.25
 """Nodes with a gap below this share of the depth are solved first; others join if they touch."""
 FADING = 0.1
 """Length over the thickness over which the error of the splines at the walls is taken back [-]."""
-LARGEST_SHARE = 0.4
-"""Deepest press over the elastic layer's thickness at the location [-]."""
-NEAREST = 0.15
-"""Least distance of the contact from a wall, over the layer's thickness [-]."""
 
 
 Window = tuple[slice, slice]
@@ -104,7 +101,7 @@ class _Pad:
         plan = contact.draft.plan
         cavity = contact.design.cavity
         elastic_mm = cavity.clear_thickness_mm + cavity.black_thickness_mm - float(plan.top.sag_mm(*at_mm))
-        self.deepest_mm = LARGEST_SHARE * elastic_mm / float(plan.top.normal(*at_mm)[2])
+        self.deepest_mm = LARGEST_HELD_SHARE * elastic_mm / float(plan.top.normal(*at_mm)[2])
         self.shear_mpa = contact.draft.modulus.value / 3.0
         self.x_mm, self.y_mm = grid_of(contact, at_mm)
         self.step_mm = float(self.x_mm[1] - self.x_mm[0])
@@ -236,7 +233,7 @@ def _require_scope(pad: _Pad, gap: FloatArray, depth_mm: float) -> None:
     if depth_mm > pad.deepest_mm + 1e-9:
         raise ModelScopeError(
             f"depth_mm: {depth_mm:g} mm is deeper than the model of pressed objects covers: {pad.deepest_mm:.3g} mm, "
-            f"{LARGEST_SHARE:g} of the elastic layer there; press less deep or make the pad thicker"
+            f"{LARGEST_HELD_SHARE:g} of the elastic layer there; press less deep or make the pad thicker"
         )
     over = gap - depth_mm < -1e-9
     if (over & ~pad.inside).any():
@@ -291,10 +288,10 @@ def _at_depth(pad: _Pad, at_mm: Place, gap: FloatArray, depth_mm: float) -> Held
     load = pad.pressed(pad.slope * overlap, depth_mm)
     touching = load > 0.0
     nearest = float(pad.wall_mm[touching].min())
-    if nearest < NEAREST * pad.layer.thickness:
+    if nearest < NEAREST_HELD * pad.layer.thickness:
         raise ModelScopeError(
             f"objects: at {depth_mm:.3g} mm their contact comes within {nearest:.2g} mm of a wall; the model covers "
-            f"{NEAREST * pad.layer.thickness:.2g} mm and more; press less deep, or move them to the middle"
+            f"{NEAREST_HELD * pad.layer.thickness:.2g} mm and more; press less deep, or move them to the middle"
         )
     moved = pad.moved(load) / pad.slope
     height = np.where(touching, overlap, -moved)
