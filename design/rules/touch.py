@@ -16,7 +16,7 @@ from optopad.design.fields.quantity import ROUNDING_MM
 from optopad.design.mold.filling import is_cast_under_lid
 from optopad.design.mold.outline import MoldOutline
 
-LARGEST_HELD_SHARE = 0.4
+LARGEST_HELD_SHARE = 1.0 / 3.0
 """Deepest press over the elastic layer's thickness that the model of pressed objects covers [-]."""
 NEAREST_HELD = 0.15
 """Least distance of their contact from a wall that the model covers, over the elastic layer's thickness [-]."""
@@ -95,7 +95,7 @@ def _fit_note(draft: Draft) -> Finding:
         cavity.size_fields[0],
         "flat and straight objects must fit between the walls",
         value=f"flat faces to {face}{cylinder}, all to {LARGEST_HELD_SHARE * elastic_mm:.2g} mm deep",
-        limit=f"{mm(wall_mm)} from contact to wall, {LARGEST_HELD_SHARE:g} of both layers",
+        limit=f"{mm(wall_mm)} from contact to wall, and {LARGEST_HELD_SHARE:.0%} of both layers",
         way_out="others have no figures from optopad press",
     )
 

@@ -63,7 +63,7 @@ def wide_compliance(q: FloatArray, thickness: float) -> FloatArray:
     k = np.minimum(q * thickness, 40.0)
     share = np.tanh(k) - k / np.cosh(k) ** 2
     share /= 1.0 + (k / np.cosh(k)) ** 2
-    return np.divide(share, 2.0 * q, out=np.zeros_like(q), where=q > 0.0)
+    return np.asarray(np.divide(share, 2.0 * q, out=np.zeros_like(q), where=q > 0.0))
 
 
 class WideLayer:
@@ -162,7 +162,7 @@ def _found(kind: Kind, box_mm: Box, top: Top, thickness: float) -> PadLayer:
     elements = [int(np.clip(np.ceil(side / 2 / (ELEMENT * thickness)), 4, MOST_ELEMENTS)) for side in sides]
     counts = [round(2 * count / SPLINE) for count in elements]
     x, y = (
-        low + side / count * np.arange(-3, count + 4)
+        np.asarray(low + side / count * np.arange(-3, count + 4), np.float64)
         for low, side, count in zip(box_mm[:2], sides, counts, strict=True)
     )
     wide, mass = _wide_part(outline, top, thickness, (x, y), counts)
@@ -181,7 +181,10 @@ def _wide_part(
     x0, y0, x1, y1 = outline.box_mm
     nodes = [GRID * count for count in counts]
     steps = (x1 - x0) / nodes[0], (y1 - y0) / nodes[1]
-    axes = [low + (np.arange(n) + 0.5) * step for low, n, step in zip((x0, y0), nodes, steps, strict=True)]
+    axes: list[FloatArray] = [
+        np.asarray(low + (np.arange(n) + 0.5) * step)
+        for low, n, step in zip((x0, y0), nodes, steps, strict=True)
+    ]
     x, y = np.meshgrid(*axes, indexing="ij")
     inside = np.clip(outline.gap_mm(x, y) / min(steps) + 0.5, 0.0, 1.0)
     stretch = 1.0 / np.maximum(top.normal(x, y)[..., 2], LEAST_NORMAL)
@@ -224,7 +227,7 @@ class _Quarter:
         tensor = np.einsum("egai,egbj,eg->eijab", slopes, slopes, weights, optimize=True)
         trace = np.einsum("eiiab->eab", tensor)
         squeezed = -np.einsum("gc,egai,eg->eiac", hats, slopes, weights, optimize=True)
-        rows, columns, values = [], [], []
+        rows, columns, values = list[IntArray](), list[IntArray](), list[FloatArray]()
 
         def put(row: IntArray, column: IntArray, value: FloatArray) -> None:
             for kept, one in zip(

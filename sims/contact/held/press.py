@@ -4,6 +4,17 @@ The object is given by the height of its lowest surface over each node of a grid
 without friction. The pad is an incompressible, linear elastic layer between its own walls (`layer`), E its Young's
 modulus, so its shear modulus is E/3. The heights of the object are exact, not those of a parabola.
 
+Finite strains
+--------------
+Forces and pressures of the linear layer are divided by a factor for each separate area of contact. With the depth d of
+the object there, the largest distance a of its points from its edge, the layer's thickness h, and its roundness λ (the
+ratio of its principal radii of gyration: 1 for a disc, 0 for a long strip), the factor is
+
+    1 + λ (0.075 d/a + 0.042 (d/a)²) - (1 - λ) 0.3 d/h.
+
+The first part is fitted to solved balls in layers of 1.5 to 4.5 radii, in the middle and near corners; within 2 % up to
+d = a. The second part is that of long cylinders and a long punch in plane strain. The top outside is not corrected.
+
 The edge of the contact
 -----------------------
 Where a smooth object leaves the top, at a distance s inside or outside the edge,
@@ -12,16 +23,18 @@ Where a smooth object leaves the top, at a distance s inside or outside the edge
 
 (the edge of Hertz's contact in plane strain, ν = 1/2; Johnson, Contact Mechanics, 1985, section 4.2). The level of a
 node is this s, positive inside and negative outside; A is found from neighbours on both sides of the edge, whose
-distances add up to the step of the grid. At a sharp edge of the object, the edge is taken as half way.
+distances from the edge add up to the part of the grid's step that is normal to it.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt, label, map_coordinates, maximum, minimum, uniform_filter
+from scipy.ndimage import distance_transform_edt, label, map_coordinates, uniform_filter
 from scipy.optimize import brentq
 from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
@@ -39,6 +52,10 @@ STEP_MM = 0.16
 """Largest distance of the grid's nodes."""
 SETTLED = 1e-6
 """Largest accepted gap or overlap in the contact, over the depth [-]."""
+FORGIVEN = 1e-4
+"""Overlap over the depth [-] outside the part of the grid that is solved, from which on this part is enlarged."""
+UNSEEN = 0.1
+"""Height over the grid's step within which an object that touches between the nodes is not missed [-]."""
 BORDER = 256
 """Pieces of each wall at whose ends the splines' error is known."""
 REACH = 0.25
@@ -80,7 +97,7 @@ def grid_of(contact: Contact, at_mm: Place) -> tuple[FloatArray, FloatArray]:
     step = longest / math.ceil(longest / STEP_MM)
     counts = [math.ceil((high - low) / step - 1e-6) for low, high in spans]
     first, second = (
-        (low + high) / 2 + step * (np.arange(count + 1) - count / 2)
+        np.asarray((low + high) / 2 + step * (np.arange(count + 1) - count / 2), np.float64)
         for (low, high), count in zip(spans, counts, strict=True)
     )
     return first, second
@@ -101,7 +118,8 @@ class _Pad:
         plan = contact.draft.plan
         cavity = contact.design.cavity
         elastic_mm = cavity.clear_thickness_mm + cavity.black_thickness_mm - float(plan.top.sag_mm(*at_mm))
-        self.deepest_mm = LARGEST_HELD_SHARE * elastic_mm / float(plan.top.normal(*at_mm)[2])
+        self.thickness_mm = elastic_mm / float(plan.top.normal(*at_mm)[2])
+        self.deepest_mm = LARGEST_HELD_SHARE * self.thickness_mm
         self.shear_mpa = contact.draft.modulus.value / 3.0
         self.x_mm, self.y_mm = grid_of(contact, at_mm)
         self.step_mm = float(self.x_mm[1] - self.x_mm[0])
@@ -119,10 +137,21 @@ class _Pad:
         border, in_frame = _border(plan, at_mm)
         self._border = (in_frame - (self.x_mm[0], self.y_mm[0])).T / self.step_mm
         self._border_splines = self.layer.at(*border.T)
-        nodes = np.stack([one[self.inside] for one in places], axis=1)
-        away, self._nearest = cKDTree(in_frame).query(nodes)
-        share = away / (FADING * self.layer.thickness)
-        self._fading = (1.0 - share) * np.exp(-share)  # its integral is 0, so that the volume stays
+        self._fading = self._faded(in_frame, np.stack([one[self.inside] for one in places], axis=1))
+
+    def _faded(self, border: FloatArray, nodes: FloatArray) -> csr_matrix:
+        """Matrix (node, point of the border) that continues errors at the walls into the pad, where they fade out.
+
+        An error falls with the distance s from a wall as (1 - s/l) exp(-s/l), whose integral is 0: the volume stays.
+        """
+        walls = np.split(border, len(border) // (BORDER + 1))
+        away, nearest = zip(*(cKDTree(wall).query(nodes) for wall in walls), strict=True)
+        share = np.stack(away, axis=1) / (FADING * self.layer.thickness)
+        weight = 1.0 / (share**2 + 1e-9)
+        values = weight / weight.sum(axis=1, keepdims=True) * (1.0 - share) * np.exp(-share)
+        columns = np.stack(nearest, axis=1) + (BORDER + 1) * np.arange(len(walls))
+        pointer = len(walls) * np.arange(len(nodes) + 1)
+        return csr_matrix((values.ravel(), columns.ravel(), pointer), shape=(len(nodes), len(border)))
 
     def moved(self, load: FloatArray) -> FloatArray:
         """Downward displacement (nx, ny) of the top along its normal [mm]; 0 at the walls and outside.
@@ -136,37 +165,47 @@ class _Pad:
         change = self.layer.coefficients @ (self.splines.T @ load[self.inside]) * self.step_mm**2
         left = map_coordinates(wide, self._border, order=1, mode="nearest") + self._border_splines @ change
         found = np.zeros_like(load)
-        found[self.inside] = wide[self.inside] + self.splines @ change - self._fading * left[self._nearest]
+        found[self.inside] = wide[self.inside] + self.splines @ change - self._fading @ left
         return found
 
-    def _moved(self, load: FloatArray, wide: WideLayer, splines: csr_matrix, window: Window) -> FloatArray:
+    def _response(self, window: Window) -> Callable[[FloatArray], FloatArray]:
+        """The function from loads to displacements in a part of the grid; without what is taken back at the walls."""
         inside, steep = self.inside[window], self.slope[window] ** 0.25
-        change = self.layer.coefficients @ (splines.T @ load[inside]) * self.step_mm**2
-        found = steep * wide.moved(steep * load)
-        found[inside] += splines @ change
-        return found
+        number = np.cumsum(self.inside).reshape(self.inside.shape)[window][inside] - 1
+        splines, wide = self.splines[number], self.wide.within((inside.shape[0], inside.shape[1]))
 
-    def pressed(self, gap: FloatArray, depth_mm: float) -> FloatArray:
-        """Load (nx, ny), as of `moved`, under an object with a gap (nx, ny) to the untouched top along its normal."""
-        near = gap < REACH * depth_mm
-        settled = SETTLED * depth_mm
+        def moved(load: FloatArray) -> FloatArray:
+            change = self.layer.coefficients @ (splines.T @ load[inside]) * self.step_mm**2
+            found = steep * wide.moved(steep * load)
+            found[inside] += splines @ change
+            return found
+
+        return moved
+
+    def pressed(self, gap: FloatArray, depth_mm: float) -> tuple[FloatArray, FloatArray]:
+        """Load and displacement (nx, ny), as of `moved`, under an object.
+
+        Parameters
+        ----------
+        gap : (nx, ny) gap between the object and the untouched top, along its normal [mm]
+        depth_mm : depth of the press; it sets the accuracy
+        """
+        near, settled = gap < REACH * depth_mm, SETTLED * depth_mm
         while True:
             x, y = (slice(int(k.min()), int(k.max()) + 1) for k in np.nonzero(near))
-            inside = self.inside[x, y]
-            number = np.cumsum(self.inside).reshape(self.inside.shape)[x, y][inside] - 1
-            splines, wide = self.splines[number], self.wide.within(inside.shape)
-            found = np.zeros_like(gap)
-            found[x, y], _ = contact_pressure(
-                lambda load, wide=wide, splines=splines, x=x, y=y: self._moved(load, wide, splines, (x, y)),
-                gap[x, y],
-                settled,
-                np.maximum(-gap[x, y], 0.0),
-            )
-            beyond = self._moved(found, self.wide, self.splines, (slice(None),) * 2) + gap < -2.0 * settled
+            load, start = np.zeros_like(gap), np.maximum(-gap[x, y], 0.0)
+            load[x, y], _ = contact_pressure(self._response((x, y)), gap[x, y], settled, start)
+            moved = self.moved(load)
+            beyond = moved + gap < -FORGIVEN * depth_mm
             beyond[x, y] = False
             if not beyond.any():
-                return found
+                return load, moved
             near |= beyond
+
+
+@lru_cache(maxsize=4)
+def _pad_at(contact: Contact, at_mm: Place) -> _Pad:
+    return _Pad(contact, at_mm)
 
 
 def held_press(
@@ -198,11 +237,11 @@ def held_press(
             raise InputError(f"{name}: {value} must be a finite number, 0 or more")
     if not contact.draft.plan.contains(*at_mm):
         raise InputError(f"at_mm: x = {at_mm[0]:g}, y = {at_mm[1]:g} mm must lie in the pad")
-    pad = _Pad(contact, at_mm)
+    pad = _pad_at(contact, at_mm)
     if bottoms.shape != pad.inside.shape or np.isnan(bottoms).any():
         raise InputError(f"bottoms: give one height, or infinity, for each of {pad.inside.shape} nodes")
     gap = bottoms + np.nan_to_num(pad.sag_mm)
-    if not np.isfinite(gap[pad.inside]).any():
+    if not np.isfinite(gap[pad.wall_mm > 1e-9]).any():
         raise ModelScopeError("objects: none of them is over the pad; move them")
     gap = gap - _first_touch(gap, pad)
     if depth_mm is not None:
@@ -233,19 +272,19 @@ def _require_scope(pad: _Pad, gap: FloatArray, depth_mm: float) -> None:
     if depth_mm > pad.deepest_mm + 1e-9:
         raise ModelScopeError(
             f"depth_mm: {depth_mm:g} mm is deeper than the model of pressed objects covers: {pad.deepest_mm:.3g} mm, "
-            f"{LARGEST_HELD_SHARE:g} of the elastic layer there; press less deep or make the pad thicker"
+            f"{LARGEST_HELD_SHARE:.0%} of the elastic layer there; press less deep or make the pad thicker"
         )
     over = gap - depth_mm < -1e-9
-    if (over & ~pad.inside).any():
+    if (over & (pad.wall_mm <= 1e-9)).any():
         raise ModelScopeError(
             f"objects: at {depth_mm:.3g} mm they would touch the rim around the pad; press less deep, move them to "
             "the middle, or take smaller ones"
         )
-    if not (over & pad.inside).any() and depth_mm > 0.0:
+    if gap.min() > depth_mm + UNSEEN * pad.step_mm:
         raise ModelScopeError("objects: none of them touches the pad; press deeper or move them over the pad")
 
 
-FORCE_ERROR = 1e-6
+DEPTH_ERROR = 1e-6
 """Accepted relative error of the depth of a press with a given force."""
 
 
@@ -267,25 +306,24 @@ def _at_force(pad: _Pad, at_mm: Place, gap: FloatArray, force_n: float) -> HeldP
             f"{deepest:.3g} mm{f' (deeper: {refused})' if refused else ''}; press with less force"
         )
 
-    def missing(depth_mm: float) -> float:
-        return (
-            _at_depth(pad, at_mm, gap, depth_mm).force_n ** (2 / 3) - force_n ** (2 / 3)
-            if depth_mm
-            else -(force_n ** (2 / 3))
-        )
+    def excess_n(depth_mm: float) -> float:
+        return float(_at_depth(pad, at_mm, gap, depth_mm).force_n ** (2 / 3) - force_n ** (2 / 3))
 
-    found = brentq(missing, 0.0, deepest, rtol=FORCE_ERROR, xtol=FORCE_ERROR * deepest)
+    found = brentq(excess_n, 0.0, deepest, rtol=DEPTH_ERROR, xtol=DEPTH_ERROR * deepest)
     return _at_depth(pad, at_mm, gap, found)
 
 
 def _at_depth(pad: _Pad, at_mm: Place, gap: FloatArray, depth_mm: float) -> HeldPress:
     zero = np.zeros_like(gap)
+    top = GridTop(at_mm=at_mm, x_mm=pad.x_mm, y_mm=pad.y_mm, height_mm=zero, level=zero - pad.step_mm)
+    untouched = HeldPress(top=top, pressure_mpa=zero, force_n=0.0, area_mm2=0.0, depth_mm=depth_mm)
     if depth_mm == 0.0:
-        top = GridTop(at_mm=at_mm, x_mm=pad.x_mm, y_mm=pad.y_mm, height_mm=zero, level=zero - pad.step_mm)
-        return HeldPress(top=top, pressure_mpa=zero, force_n=0.0, area_mm2=0.0, depth_mm=depth_mm)
+        return untouched
     _require_scope(pad, gap, depth_mm)
+    if gap.min() >= depth_mm:  # between the nodes
+        return untouched
     overlap = np.where(pad.wall_mm > 1e-9, gap - depth_mm, np.inf)
-    load = pad.pressed(pad.slope * overlap, depth_mm)
+    load, moved = pad.pressed(pad.slope * overlap, depth_mm)
     touching = load > 0.0
     nearest = float(pad.wall_mm[touching].min())
     if nearest < NEAREST_HELD * pad.layer.thickness:
@@ -293,40 +331,64 @@ def _at_depth(pad: _Pad, at_mm: Place, gap: FloatArray, depth_mm: float) -> Held
             f"objects: at {depth_mm:.3g} mm their contact comes within {nearest:.2g} mm of a wall; the model covers "
             f"{NEAREST_HELD * pad.layer.thickness:.2g} mm and more; press less deep, or move them to the middle"
         )
-    moved = pad.moved(load) / pad.slope
+    moved = moved / pad.slope
     height = np.where(touching, overlap, -moved)
     pressure = load * pad.slope
     level = edge_level(pressure, np.where(touching, 0.0, moved + overlap), pad.step_mm)
-    pressure *= pad.shear_mpa / stiffening(overlap, level, pad.step_mm)
-    cell = pad.step_mm**2
+    pressure *= pad.shear_mpa / excess(overlap, level, pad.step_mm, pad.thickness_mm)
+    cell, area = pad.step_mm**2, _area(level, pad.step_mm)
     return HeldPress(
-        top=GridTop(at_mm=at_mm, x_mm=pad.x_mm, y_mm=pad.y_mm, height_mm=height, level=level),
+        top=replace(top, height_mm=height, level=level),
         pressure_mpa=pressure,
         force_n=float(pressure.sum() * cell),
-        area_mm2=_area(level, pad.step_mm),
+        area_mm2=area,
         depth_mm=depth_mm,
+        notes=_notes(pad, area, int(touching.sum())),
+    )
+
+
+FEW_NODES = 20
+
+
+def _notes(pad: _Pad, area_mm2: float, nodes: int) -> tuple[str, ...]:
+    if nodes >= FEW_NODES:
+        return ()
+    return (
+        f"contact: it covers {area_mm2:.2g} mm², {nodes} nodes of a grid of {pad.step_mm:.2g} mm: force and area are "
+        "within 10 %",
     )
 
 
 SOFTER = 0.075, 0.042
-"""How much softer a ball's contact is with finite strains: coefficients of the strain and of its square [-]."""
+"""Coefficients of d/a and its square in the excess of force under round contacts [-]; see the module."""
+STIFFER = 0.3
+"""Coefficient of d/h in the missing force under long contacts [-]; see the module."""
 
 
-def stiffening(overlap: FloatArray, level: FloatArray, step: float) -> FloatArray:
+def excess(overlap: FloatArray, level: FloatArray, step: float, thickness: float) -> FloatArray:
     """Force of the linear layer over that with finite strains (nx, ny), the same over each area of contact [-].
 
     Parameters
     ----------
     overlap : (nx, ny) object's height over the untouched top, negative where it overlaps [mm]
     level : (nx, ny) distance from the contact's edge near it [mm]
-    step : distance of the nodes [mm]
+    step, thickness : distance of the nodes, thickness of the layer [mm]
     """
     number, count = label(level > 0.0, structure=np.ones((3, 3)))
     away, nearest = distance_transform_edt(number > 0, sampling=step, return_indices=True)
-    half_width = maximum(away + level[tuple(nearest)], number, np.arange(1, count + 1))
-    depth = -minimum(overlap, number, np.arange(1, count + 1))
-    strain = np.append(0.0, depth / half_width)
-    return np.asarray((1.0 + SOFTER[0] * strain + SOFTER[1] * strain**2)[number])
+    away += level[tuple(nearest)]
+    found = np.ones_like(level)
+    for one in range(1, count + 1):
+        area = number == one
+        depth = -float(overlap[area].min())
+        spread = np.linalg.eigvalsh(np.cov(np.nonzero(area), bias=True) + np.eye(2) / 12.0)
+        roundness, strain = math.sqrt(spread[0] / spread[1]), depth / float(away[area].max())
+        softer = SOFTER[0] * strain + SOFTER[1] * strain**2
+        found[area] += roundness * softer - (1.0 - roundness) * STIFFER * depth / thickness
+    return found
+
+
+EDGE_ROUNDS, NEWTON_ROUNDS = 3, 20
 
 
 def edge_level(pressure: FloatArray, gap: FloatArray, step: float) -> FloatArray:
@@ -340,25 +402,33 @@ def edge_level(pressure: FloatArray, gap: FloatArray, step: float) -> FloatArray
     """
     touching = pressure > 0.0
     inner, outer = pressure**2, np.where(touching, 0.0, 3.0 * np.clip(gap, 1e-12, step)) ** (2.0 / 3.0)
-    total, count = np.zeros_like(pressure), np.zeros_like(pressure)
-    for axis in range(2):
-        low, high = [slice(None)] * 2, [slice(None)] * 2
-        low[axis], high[axis] = slice(None, -1), slice(1, None)
-        one, other = tuple(low), tuple(high)
-        pair = touching[one] != touching[other]
-        a, c = np.where(pair, inner[one] + inner[other], 1.0), np.where(pair, outer[one] + outer[other], 1.0)
-        z = np.minimum(np.cbrt(step / a), step / c)
-        for _ in range(20):
-            z = z - (a * z**3 + c * z - step) / (3.0 * a * z**2 + c)
-        for side in (one, other):
-            total[side] += np.where(pair, np.log(z), 0.0)
-            count[side] += pair
-    near = uniform_filter(count, 3)
-    z = np.exp(np.divide(uniform_filter(total, 3), near, out=np.zeros_like(near), where=near > 1e-9))
-    far = near <= 1e-9
-    level = np.where(touching, inner * z**3, -outer * z)
-    level[far] = np.where(touching[far], step, -step)
-    return np.clip(level, -step, step)
+    level = np.where(touching, step, -step)
+    for _ in range(EDGE_ROUNDS):
+        slope = np.stack(np.gradient(uniform_filter(level, 3)))
+        slope = np.abs(slope / np.maximum(np.hypot(*slope), 1e-12))
+        total, weight = np.zeros_like(pressure), np.zeros_like(pressure)
+        for axis in range(2):
+            one, other = (_shifted(axis, *ends) for ends in ((None, -1), (1, None)))
+            pair = touching[one] != touching[other]
+            facing = np.where(pair, np.maximum(0.5 * (slope[axis][one] + slope[axis][other]), 0.1), 0.0)
+            a, c = np.where(pair, [inner[one] + inner[other], outer[one] + outer[other]], 1.0)
+            z = np.minimum(np.cbrt(facing * step / a), facing * step / c)
+            for _ in range(NEWTON_ROUNDS):
+                z -= (a * z**3 + c * z - facing * step) / (3.0 * a * z**2 + c)
+            for side in (one, other):
+                total[side] += facing * np.log(np.where(pair, z, 1.0))
+                weight[side] += facing
+        near = uniform_filter(weight, 3)
+        is_near = near > 1e-9
+        z = np.exp(uniform_filter(total, 3)[is_near] / near[is_near])
+        found = np.where(touching[is_near], inner[is_near] * z**3, -outer[is_near] * z)
+        level = np.where(touching, step, -step)
+        level[is_near] = np.clip(found, -step, step)
+    return level
+
+
+def _shifted(axis: int, start: int | None, stop: int | None) -> Window:
+    return (slice(start, stop), slice(None)) if axis == 0 else (slice(None), slice(start, stop))
 
 
 def _area(level: FloatArray, step: float) -> float:
