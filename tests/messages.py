@@ -22,12 +22,14 @@ from optopad.design.rules.check import notes, require_valid
 from optopad.screen.answer import checks_line
 from optopad.screen.verdict import answer_of
 from optopad.screen.verdict_sentences import cause_sentence
+from tests.design import test_held_object
 from tests.design.bad_designs import BAD_DESIGNS, FILE_NAME, design_text, put
 from tests.design.parts import test_catalog
 from tests.design.rules import test_shape_rules
 from tests.optopad.cli import test_cli_bad_input, test_cli_explore, test_cli_parts, test_cli_rays, test_studio
 from tests.optopad.screen.test_one_screen import LACKS, SCORES, cause
 from tests.optopad.verbs import test_improve
+from tests.sims.readings import test_held_data
 
 FILE = Path(__file__).with_name("messages.txt")
 
@@ -39,6 +41,11 @@ def messages() -> Iterator[tuple[str, str]]:
         yield f"shape: {what}", test_shape_rules.refusal(base, changes)
     for field, value, _ in test_catalog.REFUSED:
         yield f"part: {field} = {value!r}", test_catalog.refused(test_catalog.part_with(**{field: value}))
+    for text, _ in test_held_object.REFUSED:
+        if "file=" not in text:  # such a file is made for the test
+            yield f"object: {text}", test_held_object.refusal(text)
+    for text, _ in test_held_data.REFUSED:
+        yield f"list: {text}", test_held_data.refusal(text)
     for arguments in _commands():
         yield f"optopad {' '.join(arguments)}", _said(arguments)
     for old, new, _ in test_cli_explore.REFUSED:

@@ -47,7 +47,7 @@ FLOORS: dict[str, tuple[str, ...]] = {
         ),
         *("learning", "plots"),
     ),
-    "sims/contact": ("wedge", "walls", "library", "indentation", "pad_surface"),
+    "sims/contact": ("wedge", "walls", "library", "indentation", "pad_surface", "held"),
     "sims/optics": ("scene", "surface", "engine", "paths", "tracing"),
     "sims/optics/engine": (
         "straight",

@@ -50,6 +50,7 @@ ALLOWED = {
         "tomli",
         "tomlkit",
         "h5py",
+        "trimesh",
         "xarray",
     },
     "cad": {"cadquery", "OCP", "trimesh", "manifold3d", "numpy"},

@@ -22,7 +22,7 @@ _WAY_OUT = {
 }
 
 
-_BOUNDS = {
+BOUNDS = {
     "greater_than": "above",
     "greater_than_equal": "at least",
     "less_than": "below",
@@ -176,8 +176,8 @@ def _near_identifier(detail: ErrorDetails, identifiers: tuple[str, ...]) -> str:
 def _limit(detail: ErrorDetails, field: str, identifiers: tuple[str, ...]) -> str:
     context: dict[str, Any] = detail.get("ctx", {})
     kind = detail["type"]
-    if kind in _BOUNDS:
-        return f"must be {_BOUNDS[kind]} {_bound(detail, field)}"
+    if kind in BOUNDS:
+        return f"must be {BOUNDS[kind]} {_bound(detail, field)}"
     if kind == "tuple_type" and isinstance(detail["input"], dict):
         return f"must be a list of tables: write [[{field}]]"
     if kind in _WANTED:

@@ -119,7 +119,7 @@ class _OneTop(Tops):
         """The group's top as kernels read it, with the same bytes as in the whole trace."""
         stack, chosen = self.whole.stack, slice(self.number, self.number + 1)
         if isinstance(stack, FormedStack):
-            return FormedStack(rows=stack.rows[chosen])
+            return FormedStack(rows=stack.rows[chosen], field=stack.field[chosen])
         return replace(stack, rows=stack.rows[chosen], field=stack.field[chosen])
 
 

@@ -1,1 +1,1 @@
-"""Presses of rigid objects of any form into the pad: unilateral contact of a height map with a linear layer."""
+"""Contact of a pad with objects of any form."""

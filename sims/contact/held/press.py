@@ -47,6 +47,7 @@ from scipy.spatial import cKDTree
 
 from optopad.design.arrays import BoolArray, FloatArray
 from optopad.design.errors import InputError, ModelScopeError
+from optopad.design.rules.touch import LARGEST_HELD_SHARE, NEAREST_HELD
 from optopad.design.shape.cavity import Plan
 from optopad.sims.contact.held.layer import LEAST_NORMAL, PadLayer, WideLayer, pad_layer
 from optopad.sims.contact.held.solve import contact_pressure
@@ -68,10 +69,6 @@ REACH = 0.25
 """Nodes with a gap below this share of the depth are solved first; others join if they touch."""
 FADING = 0.1
 """Length over the thickness over which the error of the splines at the walls is taken back [-]."""
-LARGEST_SHARE = 1.0 / 3.0
-"""Deepest press over the elastic layer's thickness at the location [-]."""
-NEAREST = 0.15
-"""Least distance of the contact from a wall, over the layer's thickness [-]."""
 
 
 Window = tuple[slice, slice]
@@ -129,7 +126,7 @@ class _Pad:
         cavity = contact.design.cavity
         elastic_mm = cavity.clear_thickness_mm + cavity.black_thickness_mm - float(plan.top.sag_mm(*at_mm))
         self.thickness_mm = elastic_mm / float(plan.top.normal(*at_mm)[2])
-        self.deepest_mm = LARGEST_SHARE * self.thickness_mm
+        self.deepest_mm = LARGEST_HELD_SHARE * self.thickness_mm
         self.shear_mpa = contact.draft.modulus.value / 3.0
         self.x_mm, self.y_mm = grid_of(contact, at_mm)
         self.step_mm = float(self.x_mm[1] - self.x_mm[0])
@@ -301,7 +298,7 @@ def _require_scope(pad: _Pad, gap: FloatArray, depth_mm: float) -> None:
     if depth_mm > pad.deepest_mm + 1e-9:
         raise ModelScopeError(
             f"depth_mm: {depth_mm:g} mm is deeper than the model of pressed objects covers: {pad.deepest_mm:.3g} mm, "
-            f"{LARGEST_SHARE:.0%} of the elastic layer there; press less deep or make the pad thicker"
+            f"{LARGEST_HELD_SHARE:.0%} of the elastic layer there; press less deep or make the pad thicker"
         )
     over = gap - depth_mm < -1e-9
     if (over & (pad.wall_mm <= 1e-9)).any():
@@ -357,10 +354,10 @@ def _at_depth(pad: _Pad, at_mm: Place, gap: FloatArray, depth_mm: float) -> Held
     load, moved = pad.pressed(pad.slope * overlap, depth_mm)
     touching = load > 0.0
     nearest = float(pad.wall_mm[touching].min())
-    if nearest < NEAREST * pad.layer.thickness:
+    if nearest < NEAREST_HELD * pad.layer.thickness:
         raise ModelScopeError(
             f"objects: at {depth_mm:.3g} mm their contact comes within {nearest:.2g} mm of a wall; the model covers "
-            f"{NEAREST * pad.layer.thickness:.2g} mm and more; press less deep, or move them to the middle"
+            f"{NEAREST_HELD * pad.layer.thickness:.2g} mm and more; press less deep, or move them to the middle"
         )
     moved = moved / pad.slope
     height = np.where(touching, overlap, -moved)

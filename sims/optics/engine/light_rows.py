@@ -46,7 +46,7 @@ class Tops(Protocol):
     Attributes
     ----------
     rows : (state, ...) numbers and tables of the presses
-    field : (state, ...) nodes of smooth fields
+    field : for each state the nodes of its smooth field or grid
     """
 
     @property
@@ -54,8 +54,8 @@ class Tops(Protocol):
         """(state, ...) numbers and tables of the presses."""
 
     @property
-    def field(self) -> FloatArray:
-        """(state, ...) nodes of smooth fields."""
+    def field(self) -> Sequence[FloatArray] | FloatArray:
+        """For each state the nodes of its smooth field or grid."""
 
 
 def row_names(
@@ -82,9 +82,9 @@ def row_names(
         for number, row in enumerate(_emitter_rows(scene))
     ]
     names = []
-    for row, nodes, of_state in zip(tops.rows[states], tops.field[states], asked, strict=True):
+    for number, of_state in zip(states, asked, strict=True):
         state = common.copy()
-        state.update(_bytes_of(row) + _bytes_of(nodes))
+        state.update(_bytes_of(tops.rows[number]) + _bytes_of(tops.field[number]))
         names.append([_named(state, own, wanted) for own, wanted in zip(emitters, of_state, strict=True)])
     return names
 

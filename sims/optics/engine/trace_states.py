@@ -52,7 +52,7 @@ The model leaves out roughness and haze, polarisation, light that leaves the top
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -72,15 +72,16 @@ from optopad.sims.optics.engine.light_rows import (
 from optopad.sims.optics.engine.stated_error import standard_error
 from optopad.sims.optics.engine.threads import run_each
 from optopad.sims.optics.engine.untouched import Untouched, gauss, straight_rules, untouched_pad
-from optopad.sims.optics.scene.lower import check_scene, wanted_pairs
+from optopad.sims.optics.scene.lower import block_form, check_scene, wanted_pairs
 from optopad.sims.optics.scene.optical_scene import OpticalScene, SmoothField
 from optopad.sims.optics.scene.symmetry import StateClasses, each_its_own, press_keys, state_classes
-from optopad.sims.optics.surface.tops import Presses, TopStack, stack_tops
-from optopad.sims.press import Indentation
+from optopad.sims.optics.surface.tops import TopStack, stack_tops
+from optopad.sims.press import GridTop, Indentation
 
 __all__ = ["ACCURACIES", "CLASS_NAMES", "Accuracy", "RawLight", "trace_scene"]
 
 CLASS_NAMES = ("direct", "top", "skirt", "wall", "diffuse")
+States = Sequence[Indentation | GridTop | Sequence[Indentation | None] | None]
 BATCH_STATES = 32
 OF_CLASSES = slice(0, len(CLASS_NAMES))
 ERROR, SCALE, CHANGE_ERROR = range(len(CLASS_NAMES), len(CLASS_NAMES) + 3)
@@ -113,7 +114,7 @@ class RawLight:
 def trace_scene(
     scene: OpticalScene,
     centres_mm: FloatArray,
-    indentations: Presses,
+    indentations: States,
     *,
     fields: Sequence[SmoothField | None] | None = None,
     classes: StateClasses | None = None,
@@ -129,7 +130,8 @@ def trace_scene(
     ----------
     scene : walls, emitters, receivers and materials
     centres_mm : (state, 2) or (state, tip, 2) press axes; ignored for an untouched state [mm]
-    indentations : for each state one press, None (untouched), or a sequence with one of these for each tip
+    indentations : for each state one press, None (untouched), a sequence with one of these for each tip, or the whole
+        top as a grid. If one state has a grid, all are traced by the method for discs and crowns
     fields : for each state a smooth height added to the top, or None; if omitted, no state has a field
     classes : groups of states of equal light. If given, centres, indentations and fields have one entry per group
     accuracy : name (draft, score, standard, fine or reference), settings, or a required relative error. If an error is
@@ -146,6 +148,8 @@ def trace_scene(
     """
     check_scene(scene)
     centres = np.asarray(centres_mm, dtype=np.float64)
+    if scene.form is None and any(isinstance(one, GridTop) for one in indentations):
+        scene = replace(scene, form=block_form(scene))
     if scene.form is not None:
         check_formed(scene, indentations, fields)
     if classes is None:
@@ -168,7 +172,7 @@ class Tops:
     """
 
     scene: OpticalScene
-    made: Callable[[], tuple[FloatArray, Presses, Sequence[SmoothField | None] | None]]
+    made: Callable[[], tuple[FloatArray, States, Sequence[SmoothField | None] | None]]
     source: bytes | None = None
 
     @cached_property
@@ -176,7 +180,7 @@ class Tops:
         """The tops as arrays that kernels read."""
         centres, indentations, fields = self.made()
         if self.scene.form is None:
-            return stack_tops(indentations, centres, self.scene, fields)
+            return stack_tops([_tips(one) for one in indentations], centres, self.scene, fields)
         check_formed(self.scene, indentations, fields)
         return stack_formed(self.scene, centres, indentations)
 
@@ -335,14 +339,21 @@ def _as_share_of_states(
 def _classes(
     scene: OpticalScene,
     centres_mm: FloatArray,
-    indentations: Presses,
+    indentations: States,
     fields: Sequence[SmoothField | None] | None,
 ) -> StateClasses:
-    """Groups of states of equal light; with fields, each state is its own group, as fields are not compared."""
-    if fields is not None and any(field is not None for field in fields):
+    """Groups of states of equal light; with fields or grids, each state is its own, as they are not compared."""
+    is_grid = any(isinstance(one, GridTop) for one in indentations)
+    if is_grid or (fields is not None and any(field is not None for field in fields)):
         return each_its_own(scene, len(indentations))
-    pressed = [[one] if one is None or isinstance(one, Indentation) else list(one) for one in indentations]
+    pressed = [_tips(one) for one in indentations]
     return state_classes(scene, np.nan_to_num(centres_mm).reshape(len(pressed), -1, 2), press_keys(pressed))
+
+
+def _tips(one: Indentation | GridTop | Sequence[Indentation | None] | None) -> list[Indentation | None]:
+    """Presses of a state's tips."""
+    assert not isinstance(one, GridTop)
+    return [one] if one is None or isinstance(one, Indentation) else list(one)
 
 
 def _class_pairs(wanted: BoolArray, classes: StateClasses) -> BoolArray:

@@ -17,6 +17,7 @@ from optopad.design.fields.quantity import absorption_per_mm
 from optopad.design.once import once
 from optopad.design.shape.cavity import PlacedPart, Plan
 from optopad.design.shape.outline import Arc, Outline
+from optopad.design.shape.top import Top
 from optopad.design.spec import SensorDesign
 from optopad.design.spec.properties import emitter_order
 from optopad.sims.optics.scene.optical_scene import (
@@ -202,6 +203,14 @@ def form_of(plan: Plan) -> PadForm:
         arcs=_round_walls(plan.outline),
         top=plan.top,
     )
+
+
+def block_form(scene: OpticalScene) -> PadForm:
+    """Walls and flat top of a scene that is a rectangular block."""
+    x, y = scene.length_mm, scene.width_mm
+    walls = [[0, 0, 1, 0, 0, -1], [x, 0, 0, 1, 1, 0], [0, y, 1, 0, 0, 1], [0, 0, 0, 1, -1, 0]]
+    top = Top(clear_mm=scene.height_mm, apex_mm=(0.5 * x, 0.5 * y))
+    return PadForm(walls=np.array(walls, dtype=np.float64), arcs=np.zeros((0, 6)), top=top)
 
 
 def _round_walls(outline: Outline) -> FloatArray:

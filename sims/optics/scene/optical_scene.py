@@ -343,7 +343,7 @@ def smooth_field(
             f"height_mm: gave shape {values.shape} for {len(x)} x {len(y)} points; give one height each"
         )
     step = np.array([x[finer], y[finer]])
-    return SmoothField(origin_mm=np.zeros(2), step_mm=step, nodes=_spline_nodes(x, y, values, finer))
+    return SmoothField(origin_mm=np.zeros(2), step_mm=step, nodes=spline_nodes(x, y, values, finer))
 
 
 def sum_of_fields(fields: Sequence[SmoothField]) -> SmoothField:
@@ -364,7 +364,18 @@ def sum_of_fields(fields: Sequence[SmoothField]) -> SmoothField:
     return SmoothField(origin_mm=fields[0].origin_mm, step_mm=fields[0].step_mm, nodes=nodes)
 
 
-def _spline_nodes(x: FloatArray, y: FloatArray, heights: FloatArray, finer: int) -> FloatArray:
+def spline_nodes(x: FloatArray, y: FloatArray, heights: FloatArray, finer: int) -> FloatArray:
+    """(nx, ny, 4) value, slopes along x and y, and mixed derivative, at every `finer`-th point, of a bicubic spline.
+
+    Parameters
+    ----------
+    x, y : (n,), (m,) evenly spaced coordinates from 0 [mm]
+    heights : (n, m) heights at these points [mm]
+
+    Raises
+    ------
+    InputError : a height is not finite.
+    """
     if not np.isfinite(heights).all():
         i, j = np.argwhere(~np.isfinite(heights))[0]
         raise InputError(f"height_mm: {heights[i, j]} at ({x[i]:g}, {y[j]:g}) mm, must be finite everywhere")

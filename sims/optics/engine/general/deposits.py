@@ -34,7 +34,16 @@ from optopad.sims.optics.engine.general.rays import (
     window_point,
 )
 from optopad.sims.optics.engine.general.scattered import FAINT, about, number, window_at
-from optopad.sims.optics.engine.general.top import FormedTop, into, is_contact, normal_at, out_of
+from optopad.sims.optics.engine.general.top import (
+    GRID_STEP,
+    PATCH,
+    FormedTop,
+    into,
+    is_contact,
+    near_node,
+    normal_at,
+    out_of,
+)
 from optopad.sims.optics.surface.curves import CONTACT, CONTACT_PARTS
 from optopad.sims.optics.surface.radial import fresnel, kernel
 
@@ -103,6 +112,9 @@ def patch_of(what: int, x: float, y: float, z: float, layout: FloatArray) -> int
 @kernel
 def tip_patch(top: FormedTop, x: float, y: float) -> int:
     """Number of the tip's patch at a point (x, y) of the contact, in press coordinates."""
+    if top.numbers[GRID_STEP] > 0.0:
+        i, j = near_node(top, x, y)
+        return int(top.grid[i, j, PATCH])
     r2, ring = x * x + y * y, 0
     for k in range(1, TIP_RINGS):
         if r2 >= top.rows[0, CONTACT + k * CONTACT_PARTS // TIP_RINGS]:

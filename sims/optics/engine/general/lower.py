@@ -11,17 +11,21 @@ import numpy as np
 from optopad.design.arrays import FloatArray
 from optopad.design.errors import InputError, ModelScopeError
 from optopad.design.shape.top import Top
+from optopad.sims.optics.engine.general.grid import check_grid, gridded
 from optopad.sims.optics.engine.general.patches import border_mm, from_arc
 from optopad.sims.optics.engine.general.top import (
     CUPS,
     CYLINDER,
+    DEPTH,
     FLAT,
     FORMED_ROW,
     LOWS,
     NUMBERS,
     OUTER,
+    SKIRT_EDGE,
     SPHERE,
     FormedTop,
+    empty_grid,
     empty_rows,
 )
 from optopad.sims.optics.scene.optical_scene import OpticalScene, PadForm
@@ -36,7 +40,7 @@ from optopad.sims.optics.surface.curves import (
     lowest_of_pieces_mm,
     outward_cup,
 )
-from optopad.sims.press import Indentation
+from optopad.sims.press import GridTop, Indentation
 
 REACH_SHARE = 0.97
 """Largest distance of the pad's points from the axis of a press, relative to the crown's radius; farther away the crown
@@ -54,21 +58,19 @@ class FormedStack:
     ----------
     rows : (state, n) origin and axes of press coordinates, numbers of the top, then the radial table of its height; see
         `top.FormedTop`
+    field : for each state its grid of heights, a single node if there is none
     """
 
     rows: FloatArray
-
-    @property
-    def field(self) -> FloatArray:
-        """(state, 0) empty array: there are no smooth fields on these pads."""
-        return np.zeros((len(self.rows), 0))
+    field: list[FloatArray]
 
     def top(self, state: int) -> FormedTop:
         """Top in the state of a given number."""
         row = self.rows[state]
         numbers = row[FRAME : FRAME + NUMBERS]
         table = row[None, FRAME + NUMBERS :].copy() if numbers[OUTER] > 0.0 else empty_rows()
-        return FormedTop(row[:3].copy(), row[3:FRAME].reshape(3, 3).copy(), numbers.copy(), table)
+        axes = row[3:FRAME].reshape(3, 3).copy()
+        return FormedTop(row[:3].copy(), axes, numbers.copy(), table, self.field[state])
 
 
 def check_formed(scene: OpticalScene, presses: Sequence[object], fields: Sequence[object] | None) -> None:
@@ -87,15 +89,16 @@ def check_formed(scene: OpticalScene, presses: Sequence[object], fields: Sequenc
         single_press(press)
 
 
-def single_press(press: object) -> Indentation | None:
+def single_press(press: object) -> Indentation | GridTop | None:
     """The only press of a state, given alone or in a sequence; None for the untouched pad."""
     listed = list(press) if isinstance(press, Sequence) else [press]
-    if len(listed) != 1 or not (listed[0] is None or isinstance(listed[0], Indentation)):
+    if len(listed) != 1 or not (listed[0] is None or isinstance(listed[0], (Indentation, GridTop))):
         raise ModelScopeError(
             "indentations: one tip alone is traced on pads that are no blocks; press with one"
         )
     one = listed[0]
-    return None if one is None or one.depth_mm <= 0.0 else one
+    is_bent = one is not None and (one.height_mm.any() if isinstance(one, GridTop) else one.depth_mm > 0.0)
+    return one if is_bent else None
 
 
 def stack_formed(scene: OpticalScene, centres_mm: FloatArray, presses: Sequence[object]) -> FormedStack:
@@ -104,9 +107,10 @@ def stack_formed(scene: OpticalScene, centres_mm: FloatArray, presses: Sequence[
     Parameters
     ----------
     scene : the pad
-    centres_mm : (state, 2) or (state, 1, 2) location of the press in plan [mm]; ignored for an untouched state
-    presses : for each state a press, or None if untouched; a press's heights are measured from the untouched top, along
-        the normal at its location
+    centres_mm : (state, 2) or (state, 1, 2) location of the press in plan [mm]; ignored for an untouched state, and
+        for a grid, which has its own
+    presses : for each state a press or a grid, or None if untouched; heights are measured from the untouched top, along
+        the normal at the location
 
     Raises
     ------
@@ -117,15 +121,21 @@ def stack_formed(scene: OpticalScene, centres_mm: FloatArray, presses: Sequence[
     centres = np.asarray(centres_mm, dtype=np.float64).reshape(-1, 2)
     if len(centres) != len(presses):
         raise InputError(f"centres_mm: shape {np.shape(centres_mm)}, needs ({len(presses)}, 2)")
-    rows = np.zeros((len(presses), FRAME + NUMBERS + FORMED_ROW))
+    rows, field = np.zeros((len(presses), FRAME + NUMBERS + FORMED_ROW)), [empty_grid()] * len(presses)
     for state, (centre, given) in enumerate(zip(centres, presses, strict=True)):
         press = single_press(given)
-        if press is not None:
-            check_place(scene, state, centre, press)
-        top = formed_top(scene, centre, press)
+        if isinstance(press, GridTop):
+            check_grid(scene, state, press)
+            check_crown(scene, state, *press.at_mm)
+            top = gridded(formed_top(scene, np.array(press.at_mm), None, at_apex=False), press)
+            field[state] = top.grid
+        else:
+            if press is not None:
+                check_place(scene, state, centre, press)
+            top = formed_top(scene, centre, press)
         packed = np.concatenate([top.origin, top.axes.ravel(), top.numbers, top.rows.ravel()])
         rows[state, : len(packed)] = packed
-    return FormedStack(rows=rows)
+    return FormedStack(rows=rows, field=field)
 
 
 def check_place(scene: OpticalScene, state: int, centre_mm: FloatArray, press: Indentation) -> None:
@@ -151,6 +161,18 @@ def check_place(scene: OpticalScene, state: int, centre_mm: FloatArray, press: I
             f"state {state}: contact radius {press.contact_radius_mm:.2f} mm but only {room:.2f} mm to the wall; "
             "the surface model is axisymmetric: press further inside"
         )
+    check_crown(scene, state, x, y)
+
+
+def check_crown(scene: OpticalScene, state: int, x: float, y: float) -> None:
+    """Check that the crown can be traced around a press at a location [mm].
+
+    Raises
+    ------
+    ModelScopeError : it falls too steeply.
+    """
+    form = scene.form
+    assert form is not None
     if form.top.is_flat:
         return
     reach, limit = _reach_mm(scene, form, x, y), REACH_SHARE * form.top.radius_mm
@@ -226,11 +248,17 @@ def walls_of(scene: OpticalScene) -> tuple[FloatArray, FloatArray]:
     return np.column_stack([walls[:, 4:6], level]), np.ascontiguousarray(arcs)
 
 
-def formed_top(scene: OpticalScene, centre_mm: FloatArray, press: Indentation | None) -> FormedTop:
-    """Top under one press at a location in plan; if `press` is None, the untouched top, in coordinates at its apex."""
+def formed_top(
+    scene: OpticalScene, centre_mm: FloatArray, press: Indentation | None, *, at_apex: bool = True
+) -> FormedTop:
+    """Top under one press at a location in plan; if `press` is None, the untouched top, in coordinates at its apex.
+
+    at_apex : if False, the untouched top is in coordinates at the location, too
+    """
     form = scene.form
     assert form is not None
-    place = form.top.apex_mm if press is None else (float(centre_mm[0]), float(centre_mm[1]))
+    is_at_apex = press is None and at_apex
+    place = form.top.apex_mm if is_at_apex else (float(centre_mm[0]), float(centre_mm[1]))
     origin, axes = form.top.press_frame(*place)
     kind, radius, mean = _crown_numbers(form.top)
     numbers = np.zeros(NUMBERS)
@@ -238,8 +266,8 @@ def formed_top(scene: OpticalScene, centre_mm: FloatArray, press: Indentation | 
     rows = empty_rows()
     if press is not None:
         rows, radii = _lowered(press, mean, scene.height_mm)
-        numbers[3:] = press.depth_mm, *radii
-    return FormedTop(origin, np.ascontiguousarray(axes), numbers, rows)
+        numbers[DEPTH : SKIRT_EDGE + 1] = press.depth_mm, *radii
+    return FormedTop(origin, np.ascontiguousarray(axes), numbers, rows, empty_grid())
 
 
 def _crown_numbers(top: Top) -> tuple[float, float, float]:

@@ -134,7 +134,7 @@ def mirrored_flux(
             continue
         if pressed:
             x, y, _ = into(top, p[PX], p[PY], p[PZ])
-            work[AT], work[AT + 1], work[AT + 2] = x, y, dimple(top, x * x + y * y)[0]
+            work[AT], work[AT + 1], work[AT + 2] = x, y, dimple(top, x, y)[0]
             work[IS_LIT] = 1.0 if _is_open(0, top, work) else 0.0
         along = abs((p[PX] - e[CX]) * e[UX] + (p[PY] - e[CY]) * e[UY])
         beside, above = max(along - e[HALF_U], 0.0), max(abs(p[PZ] - e[CZ]) - e[HALF_V], 0.0)
@@ -435,7 +435,7 @@ def top_points(at: FloatArray, top: FormedTop, out: FloatArray) -> None:
     """
     for n in range(at.shape[0]):
         x, y = at[n, 0], at[n, 1]
-        down, _ = dimple(top, x * x + y * y)
+        down = dimple(top, x, y)[0]
         nx, ny, nz = normal_at(top, x, y)
         height = down - sag(top, x, y)
         px, py, pz = out_of(top, x, y, height)

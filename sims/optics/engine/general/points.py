@@ -19,7 +19,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from optopad.design.arrays import BoolArray, FloatArray
+from optopad.design.arrays import BoolArray, FloatArray, IntArray
 from optopad.sims.optics.accuracy import Accuracy
 from optopad.sims.optics.engine.general.patches import is_in_plan
 from optopad.sims.optics.engine.general.rays import CX, CY, CZ, HALF_U, HALF_V, NX, NY, UX, UY
@@ -85,6 +85,7 @@ class GridPoints:
     normal : (n, 3) unit normal out of the elastomer [-]
     area : (n,) area of the cell in plan [mm²]
     batch : (n,) batch, 0 to 3
+    cell : (n,) number of the cell
     is_part : (n,) whether the cell is a piece of a divided one
     chains : (n,) number of points that this one represents for light mirrored several times
     """
@@ -93,6 +94,7 @@ class GridPoints:
     normal: FloatArray
     area: FloatArray
     batch: FloatArray
+    cell: IntArray
     is_part: BoolArray
     chains: FloatArray
 
@@ -128,10 +130,14 @@ def top_grid(scene: OpticalScene, windows: FloatArray, pitch_mm: float) -> TopGr
         whole = index[~is_large]
         batch = (whole[:, 0] % 2 + 2 * (whole[:, 1] % 2)).astype(np.float64)
         kept.append((whole * size, np.full(len(whole), size), batch))
-        quarters = np.array([[0, 0], [0, 1], [1, 0], [1, 1]])
-        index, size = (2 * index[is_large][:, None] + quarters).reshape(-1, 2), size / 2.0
+        index, size = quartered(index[is_large]), size / 2.0
     corner, sizes, batches = (np.concatenate(parts) for parts in zip(*kept, strict=True))
     return TopGrid(pitch_mm=pitch_mm, corner=corner, size=sizes, batch=batches, divided=divided)
+
+
+def quartered(index: IntArray) -> IntArray:
+    """(4 n, 2) numbers of the quarters of square cells with numbers (n, 2), counted from the origin in cells."""
+    return np.asarray((2 * index[:, None] + np.array([[0, 0], [0, 1], [1, 0], [1, 1]])).reshape(-1, 2))
 
 
 def _distance_mm(places: FloatArray, windows: FloatArray) -> FloatArray:
@@ -170,6 +176,7 @@ def points_of(
         normal=form.top.normal(x, y),
         area=size**2,
         batch=grid.batch[inside],
+        cell=np.flatnonzero(inside),
         is_part=grid.is_part[inside],
         chains=np.ones(len(x)) if all_chains else _every_fourth(grid)[inside],
     )

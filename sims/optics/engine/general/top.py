@@ -25,7 +25,11 @@ at most `STEP_MM`, less where the gap is small, are tested only at their ends. S
 radius a may be missed; it is STEP_MM² / 8a deep, 4 µm for a = 3 mm. Newton's rule within the step finds the point where
 the ray comes out.
 
-The model leaves out the second height where the curve folds, and several tips.
+On a grid of heights d is a bicubic patch in each cell (`grid`). Rays pass blocks of cells below whose lowest d they
+stay, and are tested once per cell elsewhere. So a chord through the top within a cell of size s may be missed: at a
+curvature κ it is κ s² / 8 deep, 4 µm for 0.2 mm and an edge of radius 1.25 mm.
+
+The model leaves out the second height where the curve folds, and several tips but on a grid.
 """
 
 from __future__ import annotations
@@ -67,8 +71,13 @@ curve outward."""
 FORMED_ROW = CUPS + CELLS
 FLAT, SPHERE, CYLINDER = 0.0, 1.0, 2.0
 # numbers of a top
-KIND, RADIUS, MEAN, DEPTH, OUTER, CONTACT_EDGE, SKIRT_EDGE = range(7)
-NUMBERS = 7
+KIND, RADIUS, MEAN, DEPTH, OUTER, CONTACT_EDGE, SKIRT_EDGE, GRID_X, GRID_Y, GRID_STEP = range(10)
+NUMBERS = 10
+# values at a node of a grid
+VALUE, ALONG_X, ALONG_Y, TWIST, LEVEL, STEEPER, PATCH, LOWEST = range(8)
+NODE = 8
+BLOCK = 8
+"""Number of a grid's cells, in each direction, that share one lowest height."""
 
 
 class FormedTop(NamedTuple):
@@ -78,17 +87,22 @@ class FormedTop(NamedTuple):
     ----------
     origin : (3,) origin of press coordinates, in cavity coordinates [mm]
     axes : (3, 3) axes of press coordinates, one per table row [-]
-    numbers : (7,) type of crown (flat, sphere or cylinder); its radius and the mean crown's radius (0 if flat) [mm];
+    numbers : (10,) type of crown (flat, sphere or cylinder); its radius and the mean crown's radius (0 if flat) [mm];
         depth of the press; radius beyond which d is 0; contact radius; skirt radius, within which a reflection counts
-        as the skirt's [mm]. The last four are 0 if untouched
+        as the skirt's [mm]; x and y of the grid's first node, and distance of its nodes [mm]. The last seven are 0 if
+        untouched, the last three if d is radial
     rows : (1, `FORMED_ROW`) radial table of d (`optopad.sims.optics.surface.curves`), then lowest heights, then largest
-        cups; if untouched, a single 0
+        cups; of a grid, only the bounds from each radius outward are used; if untouched, a single 0
+    grid : (nx, ny, `NODE`) values at the nodes of a grid: d, its slopes along x and y, its mixed derivative; level of
+        the contact, above 0 inside; 1 in the skirt, else 0; number of the contact's patch; and, at node (i, j), the
+        lowest d in the block of cells (i, j), which spans `BLOCK` cells each way. If d is radial, a single node
     """
 
     origin: FloatArray
     axes: FloatArray
     numbers: FloatArray
     rows: FloatArray
+    grid: FloatArray
 
 
 @inlined
@@ -143,17 +157,73 @@ def crown_slopes(top: FormedTop, x: float, y: float) -> tuple[float, float]:
 
 
 @inlined
-def dimple(top: FormedTop, r2: float) -> tuple[float, float]:
-    """Height d of the pressed top above the crown at a squared radius r2 [mm], and (dd/dr) / r [1/mm]."""
+def dimple(top: FormedTop, x: float, y: float) -> tuple[float, float, float]:
+    """Height d of the pressed top above the crown at a point (x, y) in press coordinates [mm], and its slopes [-]."""
+    r2 = x * x + y * y
     if r2 >= top.numbers[OUTER] * top.numbers[OUTER]:
-        return 0.0, 0.0
+        return 0.0, 0.0, 0.0
+    if top.numbers[GRID_STEP] > 0.0:
+        return _on_grid(top, x, y)
     value, turned = height_and_slope(r2, 0, top.rows)
     mean = top.numbers[MEAN]
     if r2 <= top.rows[0, SPHERE_2] and mean > 0.0:
         root = math.sqrt(max(mean * mean - r2, 1e-12))
         value += r2 / (mean + root)
         turned += 1.0 / root
-    return value, turned
+    return value, turned * x, turned * y
+
+
+@kernel
+def _on_grid(top: FormedTop, x: float, y: float) -> tuple[float, float, float]:
+    """Height d [mm] and its slopes [-] on a grid: the bicubic Hermite patch of the cell; 0 beyond the grid."""
+    grid, step = top.grid, top.numbers[GRID_STEP]
+    s, t = (x - top.numbers[GRID_X]) / step, (y - top.numbers[GRID_Y]) / step
+    if s < 0.0 or t < 0.0 or s >= grid.shape[0] - 1 or t >= grid.shape[1] - 1:
+        return 0.0, 0.0, 0.0
+    i, j = int(s), int(t)
+    s, t = s - i, t - j
+    value = along = across = 0.0
+    for a in range(2):
+        p = s if a == 0 else 1.0 - s
+        sign = 1.0 if a == 0 else -1.0
+        # weights of value and slope at this end of the cell, and their derivatives
+        f, g = (1.0 + 2.0 * p) * (1.0 - p) * (1.0 - p), sign * step * p * (1.0 - p) * (1.0 - p)
+        df, dg = sign * -6.0 * p * (1.0 - p) / step, (1.0 - p) * (1.0 - 3.0 * p)
+        for b in range(2):
+            q = t if b == 0 else 1.0 - t
+            turn = 1.0 if b == 0 else -1.0
+            h, k = (1.0 + 2.0 * q) * (1.0 - q) * (1.0 - q), turn * step * q * (1.0 - q) * (1.0 - q)
+            dh, dk = turn * -6.0 * q * (1.0 - q) / step, (1.0 - q) * (1.0 - 3.0 * q)
+            node = grid[i + a, j + b]
+            here, slope = h * node[VALUE] + k * node[ALONG_Y], h * node[ALONG_X] + k * node[TWIST]
+            value += f * here + g * slope
+            along += df * here + dg * slope
+            across += f * (dh * node[VALUE] + dk * node[ALONG_Y]) + g * (
+                dh * node[ALONG_X] + dk * node[TWIST]
+            )
+    return value, along, across
+
+
+@inlined
+def near_node(top: FormedTop, x: float, y: float) -> tuple[int, int]:
+    """Indices of the grid's node that is nearest to a point (x, y) in press coordinates."""
+    step = top.numbers[GRID_STEP]
+    i, j = int((x - top.numbers[GRID_X]) / step + 0.5), int((y - top.numbers[GRID_Y]) / step + 0.5)
+    return min(max(i, 0), top.grid.shape[0] - 1), min(max(j, 0), top.grid.shape[1] - 1)
+
+
+@kernel
+def _level(top: FormedTop, x: float, y: float) -> float:
+    """Level of the contact at a point (x, y) in press coordinates, linear between the nodes of a cell."""
+    grid, step = top.grid, top.numbers[GRID_STEP]
+    s, t = (x - top.numbers[GRID_X]) / step, (y - top.numbers[GRID_Y]) / step
+    if s < 0.0 or t < 0.0 or s >= grid.shape[0] - 1 or t >= grid.shape[1] - 1:
+        return -1.0
+    i, j = int(s), int(t)
+    s, t = s - i, t - j
+    low = grid[i, j, LEVEL] + t * (grid[i, j + 1, LEVEL] - grid[i, j, LEVEL])
+    high = grid[i + 1, j, LEVEL] + t * (grid[i + 1, j + 1, LEVEL] - grid[i + 1, j, LEVEL])
+    return low + s * (high - low)
 
 
 @kernel
@@ -184,7 +254,7 @@ def crown_exit(top: FormedTop, x: float, y: float, z: float, dx: float, dy: floa
 @inlined
 def above(top: FormedTop, x: float, y: float, z: float) -> float:
     """Height of a point above the pad's top [mm]; negative inside the elastomer. The point is in press coordinates."""
-    return z + sag(top, x, y) - dimple(top, x * x + y * y)[0]
+    return z + sag(top, x, y) - dimple(top, x, y)[0]
 
 
 @inlined
@@ -193,8 +263,8 @@ def above_along(
 ) -> tuple[float, float]:
     """Height of a point in press coordinates above the pad's top [mm], and its derivative along a direction."""
     sx, sy = crown_slopes(top, x, y)
-    height, turned = dimple(top, x * x + y * y)
-    return z + sag(top, x, y) - height, dz + (sx - turned * x) * dx + (sy - turned * y) * dy
+    height, gx, gy = dimple(top, x, y)
+    return z + sag(top, x, y) - height, dz + (sx - gx) * dx + (sy - gy) * dy
 
 
 @kernel
@@ -224,7 +294,10 @@ def top_hit(
                     return (
                         NEVER if leaves - lower > limit else _settled(top, x, y, z, dx, dy, dz, leaves, limit)
                     )
-            t = _march(top, x, y, z, dx, dy, dz, a, b, first, min(last, limit))
+            if top.numbers[GRID_STEP] > 0.0:
+                t = _cross_grid(top, x, y, z, dx, dy, dz, a, first, min(last, limit))
+            else:
+                t = _march(top, x, y, z, dx, dy, dz, a, b, first, min(last, limit))
             if t < NEVER:
                 return t
             if limit <= last:
@@ -280,7 +353,7 @@ def _march(
     t = first
     px, py = x + t * dx, y + t * dy
     u = z + t * dz + sag(top, px, py)
-    clear = dimple(top, px * px + py * py)[0] - u
+    clear = dimple(top, px, py)[0] - u
     if clear < 0.0 and t > 1e-9:
         return t
     step = stop - t
@@ -289,7 +362,7 @@ def _march(
         end = t + step
         px, py = x + end * dx, y + end * dy
         end_u = z + end * dz + sag(top, px, py)
-        end_clear = dimple(top, px * px + py * py)[0] - end_u
+        end_clear = dimple(top, px, py)[0] - end_u
         turn_at = min(max(-b / a, t), end) if a > 1e-14 else t
         qx, qy = x + turn_at * dx, y + turn_at * dy
         low, steep, cup = _bounds(top, qx * qx + qy * qy)
@@ -311,6 +384,46 @@ def _march(
                 return _between(top, x, y, z, dx, dy, dz, t, end)
         t, u, clear = end, end_u, end_clear
         step *= LONGER
+    return NEVER
+
+
+@kernel
+def _cross_grid(
+    top: FormedTop, x: float, y: float, z: float, dx: float, dy: float, dz: float, a: float, first: float, stop: float
+) -> float:  # fmt: skip
+    """As `_march`, on a grid: blocks in which the ray stays below the lowest d are passed at once.
+
+    The height of a ray above the crown is convex along it, so within a block it is largest at one end.
+    """
+    step = top.numbers[GRID_STEP]
+    across, size = math.sqrt(a), BLOCK * step
+    columns, rows = (top.grid.shape[0] - 2) // BLOCK, (top.grid.shape[1] - 2) // BLOCK
+    t, nudge = first, 1e-9 + 1e-7 * step / max(across, 1e-7)
+    px, py = x + t * dx, y + t * dy
+    u = z + t * dz + sag(top, px, py)
+    clear = dimple(top, px, py)[0] - u
+    if clear < 0.0 and t > 1e-9:
+        return t
+    while t < stop:
+        s, r = (px - top.numbers[GRID_X]) / size, (py - top.numbers[GRID_Y]) / size
+        i, j = math.floor(s), math.floor(r)
+        end = stop
+        if dx != 0.0:
+            end = min(end, t + ((i + 1 if dx > 0.0 else i) - s) * size / dx + nudge)
+        if dy != 0.0:
+            end = min(end, t + ((j + 1 if dy > 0.0 else j) - r) * size / dy + nudge)
+        px, py = x + end * dx, y + end * dy
+        end_u = z + end * dz + sag(top, px, py)
+        is_on = 0 <= i <= columns and 0 <= j <= rows
+        if max(u, end_u) >= (top.grid[i, j, LOWEST] if is_on else 0.0):
+            pieces = int((end - t) * across / step) + 1
+            per = (end - t) / pieces
+            for k in range(pieces):
+                at = end if k == pieces - 1 else t + per * (k + 1)
+                qx, qy = x + at * dx, y + at * dy
+                if z + at * dz + sag(top, qx, qy) > dimple(top, qx, qy)[0]:
+                    return _between(top, x, y, z, dx, dy, dz, at - per, at)
+        t, u = end, end_u
     return NEVER
 
 
@@ -379,8 +492,8 @@ def _between(
 def normal_at(top: FormedTop, x: float, y: float) -> tuple[float, float, float]:
     """Unit normal out of the elastomer at a point (x, y) of the top, in press coordinates."""
     sx, sy = crown_slopes(top, x, y)
-    turned = dimple(top, x * x + y * y)[1]
-    nx, ny = sx - turned * x, sy - turned * y
+    _, gx, gy = dimple(top, x, y)
+    nx, ny = sx - gx, sy - gy
     per = 1.0 / math.sqrt(1.0 + nx * nx + ny * ny)
     return nx * per, ny * per, per
 
@@ -388,13 +501,21 @@ def normal_at(top: FormedTop, x: float, y: float) -> tuple[float, float, float]:
 @inlined
 def is_contact(top: FormedTop, x: float, y: float) -> bool:
     """Whether the tip touches the top at (x, y) in press coordinates."""
+    if top.numbers[GRID_STEP] > 0.0:
+        return _level(top, x, y) > 0.0
     edge = top.numbers[CONTACT_EDGE]
     return x * x + y * y < edge * edge
 
 
 @inlined
 def is_skirt(top: FormedTop, x: float, y: float) -> bool:
-    """Whether (x, y) in press coordinates is within the skirt: the outermost radius where the dimple is steep."""
+    """Whether (x, y) in press coordinates is within the skirt: the outermost radius where the dimple is steep.
+
+    On a grid, the skirt is all places near a node where the dimple is steep.
+    """
+    if top.numbers[GRID_STEP] > 0.0:
+        i, j = near_node(top, x, y)
+        return top.grid[i, j, STEEPER] > 0.0
     edge = top.numbers[SKIRT_EDGE]
     return x * x + y * y < edge * edge
 
@@ -402,6 +523,11 @@ def is_skirt(top: FormedTop, x: float, y: float) -> bool:
 def empty_rows() -> FloatArray:
     """(1, 1) radial table of an untouched top, which is 0."""
     return np.zeros((1, 1))
+
+
+def empty_grid() -> FloatArray:
+    """(1, 1, `NODE`) grid of a top whose dimple is radial."""
+    return np.zeros((1, 1, NODE))
 
 
 def out_of_frame(top: FormedTop, at_mm: FloatArray) -> FloatArray:

@@ -19,7 +19,7 @@ mirrored light. `change_error` leaves out what cancels in the difference of two 
 all states share, and the error of fixed rules, which is the same share of equal changes. No error covers light
 scattered more than once that the dimple obstructs.
 
-This model leaves out smooth walls, several tips, fields and folds.
+This model leaves out smooth walls, fields and folds, and several tips but on a grid of heights.
 """
 
 from __future__ import annotations
@@ -31,19 +31,23 @@ import numpy as np
 from optopad.design.arrays import BoolArray, FloatArray, IntArray
 from optopad.sims.optics.accuracy import Accuracy
 from optopad.sims.optics.engine.general.deposits import TIP_PATCHES
+from optopad.sims.optics.engine.general.grid import divided, patch_areas
 from optopad.sims.optics.engine.general.lower import FormedStack
 from optopad.sims.optics.engine.general.pad import CLASSES, FormedWays, formed_ways, jackknifed, lattice_error
 from optopad.sims.optics.engine.general.patches import is_in_plan
-from optopad.sims.optics.engine.general.points import ring_points, ring_zone_mm
+from optopad.sims.optics.engine.general.points import points_of, ring_points, ring_zone_mm
 from optopad.sims.optics.engine.general.rays import AREA
 from optopad.sims.optics.engine.general.top import (
     CONTACT_EDGE,
     DEPTH,
     FLAT,
+    GRID_STEP,
     KIND,
     OUTER,
     SKIRT_EDGE,
+    SPHERE,
     FormedTop,
+    empty_grid,
     empty_rows,
     out_of_frame,
 )
@@ -147,17 +151,24 @@ def _mirrored_change(ways: FormedWays, number: int, top: FormedTop, wanted: Bool
     """(2, batch, emitter, receiver) change of mirrored light by a press, from one replicate's points."""
     pad, points = ways.pad, ways.points[number]
     flat = _without_press(top)
-    inner, outer = ring_zone_mm(top)
     at = points.in_frame(top)
-    reach = np.hypot(at[:, 0], at[:, 1])
-    of_grid = (reach >= outer) | (points.is_part & (reach >= inner))
-    rings = ring_points(top, outer, ways.grid.pitch_mm, ways.settings, ways.shifts[number])
-    x, y = out_of_frame(flat, rings[:, :2])[:, :2].T
-    is_ring = is_in_plan(x, y, pad.walls, pad.arcs)
-    is_ring &= ~(ways.grid.is_divided(x, y) & (np.hypot(rings[:, 0], rings[:, 1]) >= inner))
-    rings = rings[is_ring]
-    now = pad.mirrored(top, wanted, np.vstack([at[of_grid], rings]))
-    before = pad.mirrored(flat, wanted, rings) - pad.mirrored(flat, wanted, at[~of_grid])
+    if top.numbers[GRID_STEP] > 0.0:
+        is_divided, pieces = divided(ways.grid, top)
+        shift = ways.shifts[number]
+        all_chains = bool(top.numbers[KIND] == SPHERE)
+        of_grid = ~is_divided[points.cell]
+        finer = points_of(pieces, pad.scene, pad.walls, pad.arcs, shift, all_chains=all_chains).in_frame(top)
+    else:
+        inner, outer = ring_zone_mm(top)
+        reach = np.hypot(at[:, 0], at[:, 1])
+        of_grid = (reach >= outer) | (points.is_part & (reach >= inner))
+        finer = ring_points(top, outer, ways.grid.pitch_mm, ways.settings, ways.shifts[number])
+        x, y = out_of_frame(flat, finer[:, :2])[:, :2].T
+        is_ring = is_in_plan(x, y, pad.walls, pad.arcs)
+        is_ring &= ~(ways.grid.is_divided(x, y) & (np.hypot(finer[:, 0], finer[:, 1]) >= inner))
+        finer = finer[is_ring]
+    now = pad.mirrored(top, wanted, np.vstack([at[of_grid], finer]))
+    before = pad.mirrored(flat, wanted, finer) - pad.mirrored(flat, wanted, at[~of_grid])
     return now - before - np.where(wanted, ways.mirrored[number], 0.0)
 
 
@@ -168,7 +179,11 @@ def _scattered(ways: FormedWays, top: FormedTop, wanted: BoolArray) -> tuple[Flo
     """
     pad, untouched = ways.pad, ways.pad.flux[4]
     weight = pad.patches.weight.copy()
-    weight[-TIP_PATCHES:] = pad.scene.tip_reflectance * TIP_PATCHES / top.rows[0, CONTACT_AREA]
+    is_grid = top.numbers[GRID_STEP] > 0.0
+    tip = patch_areas(top) if is_grid else np.full(TIP_PATCHES, top.rows[0, CONTACT_AREA] / TIP_PATCHES)
+    weight[-TIP_PATCHES:] = np.divide(
+        pad.scene.tip_reflectance, tip, out=np.zeros(TIP_PATCHES), where=tip > 0.0
+    )
     area = pad.receivers[:, AREA]
     found, squares = [], []
     for shift, before in zip(ways.rays, ways.deposits, strict=True):
@@ -192,5 +207,5 @@ def _scattered(ways: FormedWays, top: FormedTop, wanted: BoolArray) -> tuple[Flo
 def _without_press(top: FormedTop) -> FormedTop:
     """The untouched top in the coordinates of a press."""
     numbers = top.numbers.copy()
-    numbers[[DEPTH, OUTER, CONTACT_EDGE, SKIRT_EDGE]] = 0.0
-    return top._replace(numbers=numbers, rows=empty_rows())
+    numbers[[DEPTH, OUTER, CONTACT_EDGE, SKIRT_EDGE, GRID_STEP]] = 0.0
+    return top._replace(numbers=numbers, rows=empty_rows(), grid=empty_grid())

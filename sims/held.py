@@ -1,0 +1,257 @@
+"""What a pad sees of objects: contact, light and readings of presses by objects of any form.
+
+The contact model gives the deformed top on a grid (`optopad.sims.contact.held.press`), the light model traces it. The
+light of a touched state is the untouched pad's, as a score computes it, times the ratio of both states traced by the
+method for grids. So errors of the untouched light cancel.
+
+All objects of a press are one rigid body. It moves along the normal of the untouched top at the press's location.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from optopad.design.arrays import BoolArray, FloatArray
+from optopad.design.draft import Draft
+from optopad.design.errors import InputError, ModelScopeError
+from optopad.design.held_object import HeldObject
+from optopad.design.shape.cavity import judged_pairs, mask_of
+from optopad.sims.cache import light_store
+from optopad.sims.contact.held.bottoms import bottom_mm
+from optopad.sims.contact.held.press import HeldPress, grid_of, held_press
+from optopad.sims.contact.scope import contact_of
+from optopad.sims.optics.accuracy import Accuracy
+from optopad.sims.optics.engine.threads import run_each
+from optopad.sims.optics.engine.trace_states import trace_scene
+from optopad.sims.optics.scene.lower import scene_of
+from optopad.sims.readings.readout import Readout, readout_of
+from optopad.sims.verdict.depth_curve import noise_units
+from optopad.sims.verdict.presses import untouched_flux
+
+Place = tuple[float, float]
+STAGES = ("contact", "light")
+
+
+@dataclass(frozen=True, kw_only=True)
+class AskedPress:
+    """A press of objects.
+
+    Attributes
+    ----------
+    held : the objects, which move as one body
+    at_mm : (x, y) of the press, and of all objects without a place of their own [mm]
+    depth_mm : depth of all objects without a depth of their own [mm]; None if all have one, or if a force is given
+    force_n : force that presses the objects [N]; depths of single objects are then relative to each other
+    """
+
+    held: tuple[HeldObject, ...]
+    at_mm: Place
+    depth_mm: float | None = None
+    force_n: float | None = None
+
+    @property
+    def reflectance(self) -> float | None:
+        """Diffuse reflectance of the objects [-]; None for the design's own.
+
+        Raises
+        ------
+        InputError : the objects have different finishes.
+        """
+        finishes = {one.finish for one in self.held}
+        if len(finishes) > 1:
+            raise InputError(
+                f"finish: {', '.join(str(one) for one in finishes)} in one press; the light model has one reflectance "
+                "for all that touches; give all objects the same finish"
+            )
+        found = self.held[0].reflectance
+        return None if found is None else found.value
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class HeldLight:
+    """Readings of a pad under objects.
+
+    Attributes
+    ----------
+    untouched : (emitter, receiver) light of the untouched pad, as a share of the emitted power [-]
+    flux : (press, emitter, receiver) light under each press [-]
+    error : (press, emitter, receiver) standard error of its change [-]
+    readout : gains and noise
+    """
+
+    untouched: FloatArray
+    flux: FloatArray
+    error: FloatArray
+    readout: Readout
+
+    @property
+    def units(self) -> FloatArray:
+        """(press, emitter, receiver) readings [noise units]."""
+        return self._units(self.flux)
+
+    @property
+    def untouched_units(self) -> FloatArray:
+        """(emitter, receiver) readings of the untouched pad [noise units]."""
+        return self._units(self.untouched)
+
+    @property
+    def changes(self) -> FloatArray:
+        """(press, emitter, receiver) change of the readings by each press [noise units]."""
+        return self.units - self.untouched_units
+
+    def _units(self, flux: FloatArray) -> FloatArray:
+        return np.asarray(noise_units(self.readout.counts(flux), **self.readout.noise))
+
+
+def require_asked(draft: Draft, asked: AskedPress) -> None:
+    """Refuse a press that cannot be meant, before any work.
+
+    Raises
+    ------
+    InputError : depth and force are both given or both missing, or finishes differ.
+    ModelScopeError : an object is outside the workspace.
+    """
+    space, depths = draft.workspace, [one.depth for one in asked.held]
+    if asked.force_n is None:
+        if asked.depth_mm is None and None in depths:
+            raise InputError(
+                f"depth: none is given for {asked.held[depths.index(None)].words}; add --depth or --force"
+            )
+    elif asked.depth_mm is not None:
+        raise InputError("--depth: does not go with --force, which decides the depth; drop one")
+    if draft.wall_index is not None:
+        raise ModelScopeError(
+            "objects: light between smooth walls is traced under a ball alone; remove surfaces.wall_index"
+        )
+    assert asked.reflectance is None or asked.reflectance >= 0.0
+    for one in asked.held:
+        x, y = _place(one, asked)
+        if not space.contains(x, y):
+            raise ModelScopeError(
+                f"objects: ({x:g}, {y:g}) mm, the centre of {one.words}, is outside the workspace, {space.words}; "
+                "press inside, or lower operating.workspace_margin_mm"
+            )
+
+
+def pressed(draft: Draft, asked: AskedPress) -> HeldPress:
+    """Solve the contact of a press; errors are those of `require_asked` and of `held_press`."""
+    contact, top = contact_of(draft.design), draft.plan.top
+    origin, axes = top.press_frame(*asked.at_mm)
+    x_mm, y_mm = grid_of(contact, asked.at_mm)
+    turn = math.degrees(math.atan2(axes[0, 1], axes[0, 0]))
+    depths = [_depth(one, asked) for one in asked.held]
+    sag_mm = top.in_frame.sag_mm(*np.meshgrid(x_mm, y_mm, indexing="ij"))
+    bottoms = np.full((len(x_mm), len(y_mm)), np.inf)
+    for one, depth in zip(asked.held, depths, strict=True):
+        x, y = _place(one, asked)
+        at = axes[:2] @ (np.array([x, y, float(top.height_mm(x, y))]) - origin)
+        own = bottom_mm(one.model_copy(update={"yaw": one.yaw - turn}), x_mm - at[0], y_mm - at[1])
+        if len(depths) > 1 and not top.is_flat:
+            own -= float(np.nanmin(own + sag_mm))  # each from its own first touch
+        bottoms = np.minimum(bottoms, own + max(depths) - depth)
+    if asked.force_n is not None:
+        found = held_press(contact, asked.at_mm, bottoms, force_n=asked.force_n)
+        _require_rim(draft, asked, bottoms - found.depth_mm, x_mm, y_mm)
+        return found
+    _require_rim(draft, asked, bottoms - max(depths), x_mm, y_mm)
+    return held_press(contact, asked.at_mm, bottoms, depth_mm=max(depths))
+
+
+def rim_above_mm(draft: Draft) -> float:
+    """Height of the mold's rim above the pressed surface of a flat pad [mm]; 0 if it is level or lower."""
+    mold = draft.outline
+    return max(mold.highest_mm - mold.fill_mm - draft.design.cavity.black_thickness_mm, 0.0)
+
+
+def _require_rim(
+    draft: Draft, asked: AskedPress, above_mm: FloatArray, x_mm: FloatArray, y_mm: FloatArray
+) -> None:
+    """Refuse objects that touch the rim around a flat pad, given their heights above the pressed surface."""
+    if not draft.plan.top.is_flat:
+        return
+    rim_mm, (x, y) = rim_above_mm(draft), asked.at_mm
+    is_outside = draft.plan.outline.gap_mm(*np.meshgrid(x + x_mm, y + y_mm, indexing="ij")) <= 1e-9
+    if (is_outside & (above_mm < rim_mm - 1e-9)).any():
+        raise ModelScopeError(
+            f"objects: {asked.held[0].words} would touch the rim around the pad, {rim_mm:.3g} mm above it; take a "
+            "smaller object, move it to the middle, or lower mold.rim_mm"
+        )
+
+
+def _place(held: HeldObject, asked: AskedPress) -> Place:
+    return asked.at_mm[0] if held.x is None else held.x, asked.at_mm[1] if held.y is None else held.y
+
+
+def _depth(held: HeldObject, asked: AskedPress) -> float:
+    common = 0.0 if asked.depth_mm is None else asked.depth_mm
+    return common if held.depth is None else held.depth
+
+
+def all_pressed(
+    draft: Draft, asked: Sequence[AskedPress], on_step: Callable[[int, int], None] | None = None
+) -> list[HeldPress]:
+    """Solve many presses, on all cores.
+
+    on_step : called with (presses done, presses)
+    """
+    for one in asked:
+        require_asked(draft, one)
+    found: list[HeldPress | None] = [None] * len(asked)
+    done = 0
+
+    def solve(number: int) -> None:
+        nonlocal done
+        found[number] = pressed(draft, asked[number])
+        done += 1
+        if on_step is not None:
+            on_step(done, len(asked))
+
+    run_each(solve, len(asked))
+    return [one for one in found if one is not None]
+
+
+def held_light(
+    draft: Draft,
+    presses: Sequence[HeldPress],
+    *,
+    reflectance: float | None = None,
+    accuracy: str | Accuracy = "score",
+    seed: int = 0,
+    pairs: BoolArray | None = None,
+    on_step: Callable[[int, int], None] | None = None,
+) -> HeldLight:
+    """Trace the light of presses, all by objects of one reflectance. Light that was traced before is read from disk.
+
+    Parameters
+    ----------
+    reflectance : diffuse reflectance of what touches [-]; None is the design's `surfaces.tip_reflectance`
+    accuracy, seed : settings of the light model
+    pairs : (emitter, receiver) mask of the pairs to trace; others keep their untouched light
+    on_step : called with (presses done, presses)
+    """
+    scene = scene_of(draft.design)
+    if reflectance is not None:
+        scene = replace(scene, tip_reflectance=reflectance)
+    tops = [None, *(one.top for one in presses)]
+    light = trace_scene(
+        scene,
+        np.zeros((len(tops), 2)),
+        tops,
+        accuracy=accuracy,
+        seed=seed,
+        pairs=pairs,
+        on_step=on_step,
+        kept=light_store(),
+    )
+    untouched = untouched_flux(draft, seed=seed)
+    flux, error = light.flux.sum(axis=0), light.change_error
+    whole = np.where(flux[0] > 0.0, flux[0], 1.0)
+    ratio = np.where(flux[0] > 0.0, flux[1:] / whole, 1.0)
+    readout = readout_of(draft, untouched, mask_of(judged_pairs(draft.cavity), draft.cavity))
+    return HeldLight(
+        untouched=untouched, flux=untouched * ratio, error=untouched * error[1:] / whole, readout=readout
+    )
