@@ -144,6 +144,16 @@ class HeldObject(Model):
         return ", ".join([f"{self.article} {self.form}", *turned, *finish])
 
     @property
+    def line(self) -> str:
+        """Text from which `held_of` makes the object: all sizes, and what else differs from its default."""
+        usual = {name: field.default for name, field in HeldObject.model_fields.items()}
+        names = sorted(type(self).model_fields, key=HeldObject.model_fields.__contains__)
+        given = {name: value for name in names if (value := getattr(self, name)) != usual.get(name)}
+        del given["kind"]
+        numbers = {name: f"{value:.10g}" for name, value in given.items() if isinstance(value, float)}
+        return ",".join([self.kind, *(f"{name}={value}" for name, value in (given | numbers).items())])
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """Hints about values that are accepted but may not be meant."""
         angles = {"yaw": self.yaw, "pitch": self.pitch, "roll": self.roll}

@@ -133,3 +133,62 @@ class HeldView(Result):
             "notes": list(self.notes),
             "files": [str(file) for file in self.files],
         }
+
+
+def object_lines(found: dict[str, Any]) -> list[str]:
+    """What a pad tells of objects, from the data of `ObjectScore.to_json`; the most important first."""
+    names, count = list(found["objects"]), len(found["places_mm"])
+    sentences = object_sentences(found)
+    return [
+        labelled(
+            "objects",
+            f"{', '.join(names[:-1])} and {names[-1]}, of the tip's size, at {found['force_n']:.2g} N each and {count} "
+            "locations",
+        ),
+        *(labelled(label, sentence) for label, sentence in sentences),
+    ]
+
+
+def object_sentences(found: dict[str, Any]) -> list[tuple[str, str]]:
+    """Sentences about what a pad tells of objects, each with its label."""
+    apart = np.array(found["apart_sigma"]).min(axis=0)
+    names = list(found["objects"])
+    pairs = sorted((float(apart[a, b]), names[a], names[b]) for a in range(len(names)) for b in range(a))
+    alike = [
+        f"{one} and {other} ({sigma:.1f} sigma)" for sigma, one, other in pairs if sigma < DEADBAND_THRESHOLD
+    ]
+    sigma, one, other = pairs[0]
+    told = (
+        f"not {' and not '.join(alike)}: less than {DEADBAND_THRESHOLD:g} sigma, location, depth and turn unknown"
+        if alike
+        else f"all, location, depth and turn unknown; the closest, {one} and {other}, by {sigma:.0f} sigma"
+    )
+    lines = [
+        ("told apart", told),
+        ("an edge", f"its turn is known to {_span(found['edge_turn_deg'], 'deg')} from one frame"),
+        (
+            "a cylinder",
+            f"its radius of {found['radius_of_tip_mm']:g} mm is known to {_span(found['cylinder_radius_mm'], 'mm')} "
+            "from one frame",
+        ),
+    ]
+    for name in ("edge", "cylinder"):
+        one_as = found["as_ball"][name]
+        least = " or more" if any(one_as["is_beyond"]) else ""
+        words = (
+            f"a map of the ball reports {'an' if name == 'edge' else 'a'} {name} up to {max(one_as['moved_mm']):.1f} "
+            f"mm{least} beside, and {min(one_as['deeper_mm']):+.1f} to {max(one_as['deeper_mm']):+.1f} mm deeper"
+        )
+        lines.append(("taken as ball" if name == "edge" else "", words))
+    return lines
+
+
+def _span(values: list[float | None], unit: str) -> str:
+    """A range of values in words; None is not resolved."""
+    known = [one for one in values if one is not None]
+    if not known:
+        return "no value: not resolved"
+    words = f"{min(known):.2g}" if len(known) == 1 else f"{min(known):.2g} to {max(known):.2g}"
+    return f"{words} {unit}" + (
+        "" if len(known) == len(values) else f", and not resolved at {len(values) - len(known)}"
+    )

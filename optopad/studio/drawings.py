@@ -338,6 +338,7 @@ def readings_svg(
     live: FloatArray,
     simulated: FloatArray | None,
     bad: Sequence[str] = (),
+    words: tuple[str, str] = ("live", "simulated"),
 ) -> str:
     """One cell per pair with the live reading and, below it, the simulated reading [counts].
 
@@ -347,6 +348,7 @@ def readings_svg(
     ----------
     live, simulated : (emitter, receiver) readings [counts]
     bad : names of components or pairs that failed a check
+    words : what both readings are
     """
     left, top = 34.0, 16.0
     wide, tall = (WIDTH - left - 2) / max(len(receivers), 1), 24.0
@@ -371,7 +373,7 @@ def readings_svg(
             f'<image x="{left}" y="{top}" width="{size[0]:.1f}" height="{size[1]:.1f}" preserveAspectRatio="none" '
             f'style="image-rendering:pixelated" href="{_pixels(live, simulated)}"/>'
         )
-        return _svg(WIDTH, top + size[1] + 2, body, "Readings of every pair, live against simulated")
+        return _svg(WIDTH, top + size[1] + 2, body, f"Readings of every pair, {words[0]} against {words[1]}")
     for i, emitter in enumerate(emitters):
         y = top + tall * i
         body.append(
@@ -386,7 +388,7 @@ def readings_svg(
                 f'<rect x="{x + 0.5:.1f}" y="{y + 0.5:.1f}" width="{wide - 1:.1f}" height="{tall - 1}" '
                 f'fill="{_difference(value, model)}" stroke="{DEAD if is_bad else "none"}" stroke-width="1.5">'
                 f"<title>{escape(f'{emitter}-{receiver}')}: {value:.0f} counts"
-                f"{'' if model is None else f', simulated {model:.0f}'}</title></rect>"
+                f"{'' if model is None else f', {words[1]} {model:.0f}'}</title></rect>"
                 f'<text x="{x + wide / 2:.1f}" y="{y + 10.5}" text-anchor="middle">{value:.0f}</text>'
             )
             if model is not None:
@@ -394,7 +396,9 @@ def readings_svg(
                     f'<text x="{x + wide / 2:.1f}" y="{y + 20.5}" text-anchor="middle" opacity="0.65">'
                     f"{model:.0f}</text>"
                 )
-    return _svg(WIDTH, top + tall * len(emitters) + 2, body, "Readings of every pair, live and simulated")
+    return _svg(
+        WIDTH, top + tall * len(emitters) + 2, body, f"Readings of every pair, {words[0]} and {words[1]}"
+    )
 
 
 def _bad(name: str, bad: Sequence[str]) -> str:

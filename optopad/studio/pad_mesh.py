@@ -13,6 +13,7 @@ surface at the point's distance from the axis.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from optopad.design.arrays import BoolArray, FloatArray, IntArray
 from optopad.design.shape.cavity import Plan, cavity_of, edge_mm
 from optopad.design.spec import SensorDesign
 from optopad.sims.contact.pad_surface import PadSurface, curve_height_mm, pad_surface
+from optopad.sims.press import GridTop
 
 
 def cut_open(points_mm: FloatArray, triangles: IntArray, y_mm: float) -> tuple[FloatArray, IntArray]:
@@ -142,6 +144,8 @@ def struck_place(plan: Plan, eye_mm: FloatArray, way: FloatArray) -> tuple[float
 
 
 SPOKES, RINGS = 72, 28
+GRID_SPOKES, GRID_RINGS = 180, 70
+"""Spokes and rings of a top under an object, which may have edges anywhere."""
 BORDER_STEPS = 6
 """Number of iterations that move a displaced border point back onto its wall; each reduces the distance about
 tenfold."""
@@ -163,7 +167,7 @@ def pressed_top(
     """
     plan = cavity_of(design).plan
     outline = outline_mm(plan)
-    angles = _angles(outline, place_mm)
+    angles = _angles(outline, place_mm, SPOKES)
     reach = _reach(outline, place_mm, angles)
     surface = pad_surface(design, depth_mm, place_mm) if depth_mm > 0 else None
     tip = design.indenter.tip_radius_mm
@@ -173,22 +177,57 @@ def pressed_top(
     y = np.clip(place_mm[1] + at * np.sin(angles), 0.0, plan.width_mm)
     points = np.stack([x, y, top_mm(plan, x, y)], axis=-1).reshape(-1, 3)
     if surface is not None and not plan.top.is_flat:
-        points = _pressed_crown(plan, surface, points, (at >= reach).ravel())
+        points = _pressed_crown(plan, place_mm, _curve_along(surface, plan), points, (at >= reach).ravel())
     elif surface is not None:
         points[:, 2] += _height(surface, at, x, y).ravel()
     return points, ring_triangles(len(radii), len(angles)), surface
 
 
-def _pressed_crown(plan: Plan, surface: PadSurface, points: FloatArray, is_border: BoolArray) -> FloatArray:
-    """(n, 3) points of the pressed top, from those of the untouched top [mm]; border points stay on the walls."""
-    normal = np.array(plan.normal(*surface.at_mm))
-    foot = np.array([*surface.at_mm, plan.top_mm(*surface.at_mm)])
+def held_top(design: SensorDesign, top: GridTop) -> tuple[FloatArray, IntArray]:
+    """(n, 3) points [mm] and (m, 3) triangles of the top under an object, in the cavity's coordinate system."""
+    plan, outline = cavity_of(design).plan, outline_mm(cavity_of(design).plan)
+    angles = _angles(outline, top.at_mm, GRID_SPOKES)
+    reach = _reach(outline, top.at_mm, angles)
+    radii = np.linspace(0.0, float(reach.max()), GRID_RINGS)
+    at = np.minimum(radii[:, None], reach)
+    x = np.clip(top.at_mm[0] + at * np.cos(angles), 0.0, plan.length_mm)
+    y = np.clip(top.at_mm[1] + at * np.sin(angles), 0.0, plan.width_mm)
+    points = np.stack([x, y, top_mm(plan, x, y)], axis=-1).reshape(-1, 3)
+    axes, step = plan.top.press_frame(*top.at_mm)[1], top.x_mm[1] - top.x_mm[0]
 
-    def raised(start: FloatArray) -> FloatArray:
-        away = start - foot
+    def height(away: FloatArray) -> FloatArray:
+        column, row = ((axes[:2] @ away.T).T - [top.x_mm[0], top.y_mm[0]]).T / step
+        return _between_nodes(top.height_mm, column, row)
+
+    points = _pressed_crown(plan, top.at_mm, height, points, (at >= reach).ravel())
+    return points, ring_triangles(len(radii), len(angles))
+
+
+def _curve_along(surface: PadSurface, plan: Plan) -> Callable[[FloatArray], FloatArray]:
+    """Height [mm] of a curve around the press axis, of positions (n, 3) relative to its foot on the top [mm]."""
+    normal = np.array(plan.normal(*surface.at_mm))
+
+    def height(away: FloatArray) -> FloatArray:
         axial = away @ normal
         radius = np.sqrt(np.maximum((away**2).sum(axis=1) - axial**2, 0.0))
-        return np.asarray(start + curve_height_mm(surface.near, radius)[:, None] * normal)
+        return curve_height_mm(surface.near, radius)
+
+    return height
+
+
+def _pressed_crown(
+    plan: Plan,
+    at_mm: tuple[float, float],
+    height: Callable[[FloatArray], FloatArray],
+    points: FloatArray,
+    is_border: BoolArray,
+) -> FloatArray:
+    """(n, 3) points of the pressed top, from those of the untouched top [mm]; border points stay on the walls."""
+    normal = np.array(plan.normal(*at_mm))
+    foot = np.array([*at_mm, plan.top_mm(*at_mm)])
+
+    def raised(start: FloatArray) -> FloatArray:
+        return np.asarray(start + height(start - foot)[:, None] * normal)
 
     found, border, start = raised(points), points[is_border], points[is_border]
     for _ in range(BORDER_STEPS):
@@ -204,23 +243,29 @@ def _height(surface: PadSurface, radius: FloatArray, x_mm: FloatArray, y_mm: Flo
     lines = [np.linspace(0.0, size, math.ceil(size / REST_MM) + 1) for size in surface.size_mm]
     rest = surface.beside_mm(*lines)
     cells = [len(line) - 1 for line in lines]
-    column = np.clip(x_mm / surface.size_mm[0] * cells[0], 0, cells[0] - 1e-9)
-    row = np.clip(y_mm / surface.size_mm[1] * cells[1], 0, cells[1] - 1e-9)
-    i, j = column.astype(int), row.astype(int)
-    u, v = column - i, row - j
-    beside = (
-        rest[i, j] * (1 - u) * (1 - v)
-        + rest[i + 1, j] * u * (1 - v)
-        + rest[i, j + 1] * (1 - u) * v
-        + rest[i + 1, j + 1] * u * v
-    )
+    beside = _between_nodes(rest, x_mm / surface.size_mm[0] * cells[0], y_mm / surface.size_mm[1] * cells[1])
     return near + np.where(radius <= surface.near.contact_radius_mm, 0.0, beside)
 
 
-def _angles(outline: FloatArray, place_mm: tuple[float, float]) -> FloatArray:
+def _between_nodes(values: FloatArray, column: FloatArray, row: FloatArray) -> FloatArray:
+    """Values of a grid, linear between its nodes; columns and rows count the nodes."""
+    column, row = (
+        np.clip(one, 0, count - 1 - 1e-9) for one, count in zip((column, row), values.shape, strict=True)
+    )
+    i, j = column.astype(int), row.astype(int)
+    u, v = column - i, row - j
+    return np.asarray(
+        values[i, j] * (1 - u) * (1 - v)
+        + values[i + 1, j] * u * (1 - v)
+        + values[i, j + 1] * (1 - u) * v
+        + values[i + 1, j + 1] * u * v
+    )
+
+
+def _angles(outline: FloatArray, place_mm: tuple[float, float], spokes: int) -> FloatArray:
     """Evenly spaced angles and the angles of the outline's corners, as seen from the press axis [rad]."""
     corners = np.arctan2(outline[:, 1] - place_mm[1], outline[:, 0] - place_mm[0])
-    even = np.linspace(-np.pi, np.pi, SPOKES, endpoint=False)
+    even = np.linspace(-np.pi, np.pi, spokes, endpoint=False)
     return np.unique(np.round(np.concatenate([even, corners]), 9))
 
 

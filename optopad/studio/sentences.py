@@ -5,14 +5,18 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 
-from optopad.design.shape.cavity import PlacedPart
+import numpy as np
+
+from optopad.design.arrays import FloatArray
+from optopad.design.shape.cavity import CavityGeometry, PlacedPart, pair_name
 from optopad.fabrication.sheets.template import filled
 from optopad.screen.figures import figures_of
 from optopad.screen.output import STAGE_TITLES
 from optopad.screen.verdict_sentences import sentences_of, verdict_words
+from optopad.sims.verdict.depth_curve import DEADBAND_THRESHOLD
 from optopad.studio.live import LiveView
 from optopad.studio.session import Said, Version
-from optopad.studio.workshop import LiveVerdict, Progress
+from optopad.studio.workshop import LiveVerdict, Look, Progress
 
 
 def verdict_html(now: Version, judged: LiveVerdict | None, failed: str, progress: Progress | None) -> str:
@@ -49,6 +53,27 @@ def curves_title(
         how="of the design before" if is_old else how,
         force_n=force_n,
         depth_mm=depth_mm,
+    )
+
+
+def held_html(look: Look, changes: FloatArray, cavity: CavityGeometry) -> str:
+    """Title of the readings under an object: object, location, load and changed pairs.
+
+    `changes` are those of the readings, (emitter, receiver) [noise units].
+    """
+    assert look.press.held is not None
+    most = np.unravel_index(int(np.abs(changes).argmax()), changes.shape)
+    return _html(
+        "held",
+        words=look.press.held.words,
+        press=look.press,
+        force_n=look.force_n,
+        area_mm2=look.area_mm2,
+        changed=int((np.abs(changes) > DEADBAND_THRESHOLD).sum()),
+        pairs=changes.size,
+        least=DEADBAND_THRESHOLD,
+        most=pair_name(cavity, (int(most[0]), int(most[1]))),
+        largest=float(changes[most]),
     )
 
 

@@ -12,12 +12,13 @@ import math
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from optopad.design.errors import InputError, OptopadError
 from optopad.design.fields.base import is_value
 from optopad.design.fields.finding import Finding
+from optopad.design.held_object import HeldObject, held_of
 from optopad.design.rules.check import check
 from optopad.design.shape.cavity import cavity_of, workspace_of
 from optopad.design.spec import SensorDesign
@@ -54,11 +55,15 @@ class Version:
 
 @dataclass(frozen=True, kw_only=True)
 class LivePress:
-    """Location (x, y) of the tip in the coordinate system of the cavity, and depth of the press [mm]."""
+    """Location (x, y) in the coordinate system of the cavity, depth [mm], and the object that presses.
+
+    The object is None for the design's own tip; its location and depth are those of the press.
+    """
 
     x_mm: float
     y_mm: float
     depth_mm: float
+    held: HeldObject | None = None
 
     @property
     def place_mm(self) -> tuple[float, float]:
@@ -196,12 +201,46 @@ class Session:
         with self._lock:
             now = self.press
             self.press = self._within(
-                LivePress(
+                replace(
+                    now,
                     x_mm=_hundredth(x_mm, now.x_mm),
                     y_mm=_hundredth(y_mm, now.y_mm),
                     depth_mm=_hundredth(depth_mm, now.depth_mm),
                 )
             )
+            if self.press != now:
+                self._tell()
+
+    def hold(self, text: str) -> bool:
+        """Press by the object of a text, as `--object` takes it, or by the design's own tip if the text is empty.
+
+        A location or depth in the text moves the press. Returns False if the object was rejected; a message then says
+        why.
+        """
+        with self._lock:
+            try:
+                held = held_of(text) if text.strip() else None
+            except OptopadError as err:
+                self._say(f"not taken: {err}", is_bad=True)
+                return False
+            if held is None:
+                self.press = replace(self.press, held=None)
+                self._say("pressed by the design's own tip")
+                return True
+            self.press = replace(
+                self.press, held=held.model_copy(update={"x": None, "y": None, "depth": None})
+            )
+            self.move_tip(x_mm=held.x, y_mm=held.y, depth_mm=held.depth)
+            self._say("; ".join([f"pressed by {held.words}", *held.notes]))
+            return True
+
+    def turn(self, **angles_deg: float) -> None:
+        """Set angles of the object that presses, by name: yaw, pitch, roll; each is rounded to a degree."""
+        with self._lock:
+            now = self.press
+            if now.held is not None:
+                whole = {name: math.remainder(round(angle), 360) for name, angle in angles_deg.items()}
+                self.press = replace(now, held=now.held.model_copy(update=whole))
             if self.press != now:
                 self._tell()
 
@@ -304,7 +343,7 @@ class Session:
             space = space.in_box((0.0, 0.0, size.length_mm, size.width_mm))
         x_mm, y_mm = space.clamped(*wanted.place_mm)
         deepest = self.design.operating.max_depth_mm
-        return LivePress(x_mm=x_mm, y_mm=y_mm, depth_mm=min(max(wanted.depth_mm, 0.0), deepest))
+        return replace(wanted, x_mm=x_mm, y_mm=y_mm, depth_mm=min(max(wanted.depth_mm, 0.0), deepest))
 
     def _say(self, text: str, *, is_bad: bool = False) -> None:
         self.said = Said(text=text, is_bad=is_bad)

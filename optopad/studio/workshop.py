@@ -12,6 +12,7 @@ Each kind of result has a class, and each result the digest of its design.
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 import traceback
@@ -22,10 +23,13 @@ from typing import Literal
 import numpy as np
 
 from optopad.design.arrays import FloatArray, IntArray
+from optopad.design.draft import Draft
 from optopad.design.errors import DesignError, OptopadError
 from optopad.design.shape.cavity import cavity_of, pair_name
 from optopad.design.spec import SensorDesign
 from optopad.screen.figures import PadFigures, figures_of
+from optopad.sims.contact.held.press import HeldPress
+from optopad.sims.held import AskedPress, held_light, pressed, require_asked
 from optopad.sims.score.objective import PlaceCurves
 from optopad.sims.score.result import ContinuityScore
 from optopad.studio.session import LivePress
@@ -42,7 +46,7 @@ class Look:
     press : location and depth of the press
     points_mm : (n, 3) points of the top's mesh in the coordinate system of the cavity [mm]
     triangles : (m, 3) indices of points
-    force_n, contact_radius_mm : load [N] and contact radius [mm]; 0 without contact
+    force_n, area_mm2 : load [N] and area of the contact [mm²]; 0 without contact
     """
 
     digest: str
@@ -50,7 +54,7 @@ class Look:
     points_mm: FloatArray
     triangles: IntArray
     force_n: float
-    contact_radius_mm: float
+    area_mm2: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,12 +90,14 @@ class Readings:
     Attributes
     ----------
     untouched, pressed : (emitter, receiver) readings without contact, and under the press [counts]
+    changes : (emitter, receiver) change of the readings [noise units]; None for a press by the design's own tip
     """
 
     digest: str
     press: LivePress
     untouched: FloatArray
     pressed: FloatArray
+    changes: FloatArray | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,7 +145,7 @@ Result = Look | Curves | Rays | Readings | LiveVerdict | Progress | Failed
 
 Post = Callable[[Result], None]
 TOLD_EVERY_S = 0.15
-OF_A_PRESS = ("curves", "look", "rays", "readings", "fine curves")
+OF_A_PRESS = ("curves", "look", "changes", "rays", "readings", "fine curves")
 """Names of the pieces of work that a new press makes outdated."""
 RAY_PAIRS = 4
 RAYS_A_PAIR = 8
@@ -189,6 +195,8 @@ class Workshop:
         self._is_nested = False
         self._draft: LiveVerdict | None = None
         self._untouched: tuple[str, FloatArray] | None = None
+        self._held: tuple[tuple[str, LivePress], HeldPress] | None = None
+        self._responded = ""
         self._told_at = 0.0
         self._jobs = 0
         self._thread = threading.Thread(target=self._run, name="studio-workshop", daemon=True)
@@ -299,20 +307,26 @@ class Workshop:
     ) -> list[tuple[str, tuple[object, ...], Callable[[Request], Result | None]]]:
         """Pieces of work for a request, in order, as (name, key, function); a result with an old key is outdated."""
         press = request.press
-        pieces: list[tuple[str, tuple[object, ...], Callable[[Request], Result | None]]] = [
-            ("curves", ("curves", press.place_mm), self._curves),
-            ("look", ("look", press), self._look),
-        ]
-        if request.with_rays:
-            pieces.append(("rays", ("rays", press), self._rays))
-        if request.with_readings:
-            pieces.append(("readings", ("readings", press), self._readings))
+        pieces: list[tuple[str, tuple[object, ...], Callable[[Request], Result | None]]]
+        if press.held is not None:
+            pieces = [
+                ("look", ("look", press), self._held_look),
+                ("changes", ("changes", press), self._held_readings),
+            ]
+        else:
+            pieces = [
+                ("curves", ("curves", press.place_mm), self._curves),
+                ("look", ("look", press), self._look),
+            ]
+            if request.with_rays:
+                pieces.append(("rays", ("rays", press), self._rays))
+            if request.with_readings:
+                pieces.append(("readings", ("readings", press), self._readings))
         pieces += [("map", ("draft",), self._draft_map), ("bounds", ("bounds",), self._draft_bounds)]
         if request.is_thorough:
-            pieces += [
-                ("score", ("score",), self._score),
-                ("fine curves", ("fine curves", press.place_mm), self._fine_curves),
-            ]
+            pieces.append(("score", ("score",), self._score))
+            if press.held is None:
+                pieces.append(("fine curves", ("fine curves", press.place_mm), self._fine_curves))
         return pieces
 
     def _attend(self) -> None:
@@ -322,9 +336,8 @@ class Workshop:
             raise _StaleError
         if self._under_way in ("look", "curves"):
             return
-        if request.design.digest != self._digest or self._key not in {
-            key for _, key, _ in self._pieces(request)
-        }:
+        keys = {key for _, key, _ in self._pieces(request)}
+        if request.design.digest != self._digest or (self._under_way != "changes" and self._key not in keys):
             raise _StaleError
         is_own_thread = threading.current_thread() is self._thread  # a live contact solve has others
         if is_own_thread and not self._is_nested and self._key[0] not in OF_A_PRESS:
@@ -371,7 +384,51 @@ class Workshop:
             points_mm=points,
             triangles=triangles,
             force_n=0.0 if surface is None else surface.near.force_n,
-            contact_radius_mm=0.0 if surface is None else surface.near.contact_radius_mm,
+            area_mm2=0.0 if surface is None else math.pi * surface.near.contact_radius_mm**2,
+        )
+
+    def _held_look(self, request: Request) -> Look:
+        from optopad.studio.pad_mesh import held_top
+
+        if request.design.digest != self._responded:
+            self._doing("response of the pad to objects", 0.0)
+            self._responded = request.design.digest
+        found = self._held_press(request)
+        points, triangles = held_top(request.design, found.top)
+        return Look(
+            digest=request.design.digest,
+            press=request.press,
+            points_mm=points,
+            triangles=triangles,
+            force_n=found.force_n,
+            area_mm2=found.area_mm2,
+        )
+
+    def _held_press(self, request: Request) -> HeldPress:
+        """The contact of the object that presses, solved once."""
+        key = (request.design.digest, request.press)
+        if self._held is None or self._held[0] != key:
+            draft, asked = Draft.of(request.design), _asked(request.press)
+            require_asked(draft, asked)
+            self._held = key, pressed(draft, asked)
+        return self._held[1]
+
+    def _held_readings(self, request: Request) -> Readings:
+        """Expected readings under the object that presses, from each pair's change of light."""
+        design, press = request.design, request.press
+        light = held_light(
+            Draft.of(design),
+            [self._held_press(request)],
+            reflectance=_asked(press).reflectance,
+            accuracy="draft",
+            seed=self._seed,
+        )
+        return Readings(
+            digest=design.digest,
+            press=press,
+            untouched=light.readout.counts(light.untouched),
+            pressed=light.readout.counts(light.flux[0]),
+            changes=light.changes[0],
         )
 
     def _curves(self, request: Request) -> Curves:
@@ -426,7 +483,6 @@ class Workshop:
 
     def _readings(self, request: Request) -> Readings:
         """Expected readings: untouched as in `driver check`, and under the press, from each pair's change of light."""
-        from optopad.design.draft import Draft
         from optopad.sensor import simulated_gain
         from optopad.sims.optics.tracing import trace
 
@@ -476,3 +532,8 @@ class Workshop:
         found = with_field_steps(design, found, seed=self._seed, on_step=self._step)
         found = with_trial(design, found, seed=self._seed, on_step=self._step)
         return LiveVerdict(digest=design.digest, level="whole", score=found)
+
+
+def _asked(press: LivePress) -> AskedPress:
+    assert press.held is not None
+    return AskedPress(held=(press.held,), at_mm=press.place_mm, depth_mm=press.depth_mm)

@@ -43,7 +43,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
-from optopad.design.arrays import FloatArray
+from optopad.design.arrays import BoolArray, FloatArray
 from optopad.design.draft import Draft
 from optopad.design.errors import ModelScopeError
 from optopad.design.held_object import Cylinder, HeldObject, Sphere, held_of
@@ -52,12 +52,14 @@ from optopad.design.progress import OnStep
 from optopad.design.rules.shape import NEAREST_WALL
 from optopad.sims.bounds.fisher import SEED_GAP, Sensitivity, information, information_error
 from optopad.sims.contact.scope import contact_of
-from optopad.sims.held import AskedPress, HeldLight, Place, all_pressed, held_light, pressed
+from optopad.sims.held import AskedPress, HeldLight, Place, all_pressed, held_light, pressed, require_asked
 from optopad.sims.learning.traced_map import SignalMap
 from optopad.sims.optics.tracing import trace
 from optopad.sims.readings.readout import Readout
 from optopad.sims.verdict.depth_curve import noise_units
 
+Motion = tuple[float, int, int]
+"""Step between two presses, and their numbers."""
 TURNED_DEG = 20.0
 NAMES = ("ball", "cylinder", "edge", "face", "corner")
 LENGTH, EDGE = 3.0, 0.2
@@ -68,8 +70,12 @@ LESS_FORCE = 0.7
 STEP_MM, TURN_STEP_DEG, RADIUS_STEP = 0.25, 5.0, 0.1
 """Steps of location and depth [mm], of the turn [deg], and of the radius over itself [-], each way."""
 ACCURACY = "standard"
+OBJECTS = "objects.json"
+"""File of a bundle with the data of `ObjectScore.to_json`, in its folder `sims`."""
 AROUND, PITCH, DEPTHS = 2, 0.5, 9
 """Grid of the ball's frames: locations each way, their distance in tip radii, and number of depths from 0."""
+SPLINE_STEP = 1e-3
+"""Relative step of differences, as the spline has single precision."""
 STARTS = 3
 """Number of presses, the nearest on the grid, from which the nearest press is searched."""
 
@@ -89,7 +95,7 @@ class Mistaken:
     moved_mm: FloatArray
     deeper_mm: FloatArray
     apart: FloatArray
-    is_beyond: FloatArray
+    is_beyond: BoolArray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,6 +114,7 @@ class ObjectScore:
     radius_mm : (place,) least standard deviation of a cylinder's radius [mm]
     turn_error_deg, radius_error_mm : standard errors of both by the light model
     mistaken : what a signal map of the ball reports of each object
+    changes : (emitter, receiver) change of the readings by each object at the first location [noise units]
     radius_of_tip_mm : radius of ball and cylinder [mm]
     """
 
@@ -122,6 +129,7 @@ class ObjectScore:
     radius_mm: FloatArray
     radius_error_mm: FloatArray
     mistaken: dict[str, Mistaken]
+    changes: dict[str, FloatArray]
     radius_of_tip_mm: float
 
     def to_json(self) -> dict[str, Any]:
@@ -138,6 +146,7 @@ class ObjectScore:
             "edge_turn_error_deg": _plain(self.turn_error_deg),
             "cylinder_radius_mm": _plain(self.radius_mm),
             "cylinder_radius_error_mm": _plain(self.radius_error_mm),
+            "changes_sigma": {name: np.round(one, 3).tolist() for name, one in self.changes.items()},
             "as_ball": {
                 name: {
                     "moved_mm": one.moved_mm.tolist(),
@@ -192,7 +201,7 @@ def score_objects(draft: Draft, *, seed: int = 0, on_step: OnStep | None = None)
     places = places_of(draft)
     force_n, base = _equal_force(draft, objects, places, tell)
     asked: list[AskedPress] = []
-    motions: list[list[tuple[str, int, int]]] = []
+    motions: list[list[Motion]] = []
     for number, at in enumerate(places):
         for k, held in enumerate(objects.values()):
             asked.append(AskedPress(held=(held,), at_mm=at, depth_mm=base[number, k]))
@@ -200,16 +209,17 @@ def score_objects(draft: Draft, *, seed: int = 0, on_step: OnStep | None = None)
         for k, held in enumerate(objects.values()):
             motions.append(_motions(asked, held, at, float(base[number, k])))
     solved = all_pressed(draft, asked, lambda done, total: tell("objects", 0.2 + 0.8 * done / total))
-    halves = [
-        held_light(
+
+    def traced(half: int) -> HeldLight:
+        return held_light(
             draft,
             solved,
             accuracy=ACCURACY,
             seed=seed + SEED_GAP * half,
-            on_step=lambda done, total, half=half: tell("light of objects", 0.5 * (half + done / total)),
+            on_step=lambda done, total: tell("light of objects", 0.5 * (half + done / total)),
         )
-        for half in range(2)
-    ]
+
+    halves = [traced(half) for half in range(2)]
     frames = np.stack([one.units.reshape(len(asked), -1) for one in halves])
     clipped = np.stack([_is_clipped(one) for one in halves]).any(axis=0)
     frames[:, clipped] = 0.0  # a reading at full scale tells nothing
@@ -242,8 +252,16 @@ def score_objects(draft: Draft, *, seed: int = 0, on_step: OnStep | None = None)
         radius_mm=np.array([one for one, _ in radius]),
         radius_error_mm=np.array([error for _, error in radius]),
         mistaken=mistaken,
+        changes=dict(zip(NAMES, halves[0].changes, strict=False)),
         radius_of_tip_mm=draft.design.indenter.tip_radius_mm,
     )
+
+
+def require_objects(draft: Draft) -> None:
+    """Refuse a pad whose light under objects is not modelled, before any work; errors are those of `require_asked`."""
+    for at in places_of(draft):
+        for held in standard_objects(draft.design.indenter.tip_radius_mm).values():
+            require_asked(draft, AskedPress(held=(held,), at_mm=at, depth_mm=0.0))
 
 
 def _equal_force(
@@ -269,9 +287,7 @@ def _equal_force(
         return force_n, np.array([one.depth_mm for one in found]).reshape(len(places), -1)
 
 
-def _motions(
-    asked: list[AskedPress], held: HeldObject, at: Place, depth_mm: float
-) -> list[tuple[float, int, int]]:
+def _motions(asked: list[AskedPress], held: HeldObject, at: Place, depth_mm: float) -> list[Motion]:
     """Append the presses beside one, and return the step between each two and their numbers.
 
     Steps are along x, y and depth; then the turn, if the object is not a ball; then the radius of a cylinder.
@@ -301,12 +317,12 @@ def _motions(
     return rows
 
 
-def _is_clipped(light: HeldLight) -> FloatArray:
+def _is_clipped(light: HeldLight) -> BoolArray:
     counts = light.readout.counts(light.flux)
     return np.asarray((counts >= light.readout.full_scale_counts).reshape(len(counts), -1))
 
 
-def _slopes(frames: FloatArray, motions: Sequence[tuple[float, int, int]]) -> FloatArray:
+def _slopes(frames: FloatArray, motions: Sequence[Motion]) -> FloatArray:
     """(2, pair, motion) change of both traces' frames with each motion [noise units per mm or deg]."""
     return np.stack([(frames[:, high] - frames[:, low]) / step for step, low, high in motions], axis=-1)
 

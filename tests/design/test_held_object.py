@@ -205,3 +205,17 @@ def test_a_bad_file_of_objects_is_refused(text: str, words: str, tmp_path: Path)
 def test_an_object_from_the_command_line_is_an_argument() -> None:
     with pytest.raises(InputError):
         held_of("cylinder,radius=-5")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        *(kind for kind in KINDS if kind != "mesh"),
+        "cylinder,radius=1.23456789,edge=0.1,yaw=-12.5,finish=metal",
+        "box,pose=corner,x=3,y=4,depth=0.5,roll=3",
+    ],
+)
+def test_an_object_is_made_again_from_its_line(text: str) -> None:
+    held = held_of(text)
+    assert held_of(held.line) == held
+    assert set(text.split(",")) <= set(held.line.split(","))

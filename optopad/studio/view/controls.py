@@ -6,6 +6,7 @@ message, verdict, pairs under the tip, map, pinned designs, and sensor.
 
 from __future__ import annotations
 
+import math
 import time
 import webbrowser
 from collections.abc import Callable, Mapping, Sequence
@@ -17,13 +18,22 @@ import viser
 
 from optopad.cad.mesh import png_bytes
 from optopad.design.errors import OptopadError
+from optopad.design.held_object import KINDS, HeldObject, held_of
 from optopad.design.shape.cavity import cavity_of
 from optopad.fabrication.bundle import bundle_name
 from optopad.studio.actions import Ghost, Task
 from optopad.studio.drawings import QUANTITIES, curves_svg, map_svg, quantity, readings_svg
 from optopad.studio.editable_fields import EditableField, editable_fields_of
 from optopad.studio.live import LiveSensor, LiveView
-from optopad.studio.sentences import bad_parts, curves_title, pins_html, said_html, sensor_html, verdict_html
+from optopad.studio.sentences import (
+    bad_parts,
+    curves_title,
+    held_html,
+    pins_html,
+    said_html,
+    sensor_html,
+    verdict_html,
+)
 from optopad.studio.session import Session
 from optopad.studio.workshop import Curves, Failed, LiveVerdict, Look, Progress, Readings, Result
 
@@ -212,6 +222,9 @@ class AnswersPanel:
     def draw_curves(self, answers: Mapping[type, Result]) -> None:
         """Show the signals of the pairs under the tip; curves of an earlier design are faint."""
         curves, look, press = answers.get(Curves), answers.get(Look), self._session.press
+        if press.held is not None:
+            self._draw_changes(answers)
+            return
         if not isinstance(curves, Curves):
             return
         force = look.force_n if isinstance(look, Look) and look.press == press else None
@@ -225,6 +238,26 @@ class AnswersPanel:
         )
         faint = ";opacity:0.4" if is_old else ""
         self._curves.content = _padded(curves_svg(curves.found, press.depth_mm), faint)
+
+    def _draw_changes(self, answers: Mapping[type, Result]) -> None:
+        """Show the readings under the object that presses; those of an earlier design are faint."""
+        look, found, press = answers.get(Look), answers.get(Readings), self._session.press
+        cavity = cavity_of(self._session.design)
+        names = [part.name for part in cavity.emitters], [part.name for part in cavity.receivers]
+        self._curves_title.content = self._curves.content = ""
+        if (
+            Failed in answers
+            or not isinstance(look, Look)
+            or look.press.held is None
+            or not isinstance(found, Readings)
+            or found.changes is None
+            or found.changes.shape != tuple(map(len, names))
+        ):
+            return
+        is_old = found.digest != self._session.design.digest or type(look.press.held) is not type(press.held)
+        drawing = readings_svg(*names, found.pressed, found.untouched, words=("pressed", "untouched"))
+        self._curves_title.content = held_html(look, found.changes, cavity)
+        self._curves.content = _padded(drawing, ";opacity:0.4" if is_old else "")
 
     def draw_map(self, judged: Mapping[str, LiveVerdict]) -> None:
         """Show the selected quantity at each location of the pad."""
@@ -289,6 +322,14 @@ TYPED_S = 0.35
 GROUPS = ("Pad", "Layout", "Parts", "Press", "Material", "Signal")
 OPEN = ("Pad", "Layout", "Parts")
 MOLDS = ("hidden", "cut", "whole")
+OWN_TIP = "own tip"
+PRESSED_BY = {
+    OWN_TIP: "",
+    **{kind: held_of(kind).line for kind in KINDS if kind not in ("box", "mesh")},
+    **{f"box {pose}": held_of(f"box,pose={pose}").line for pose in ("face", "edge", "corner")},
+    "mesh": "mesh,file=part.stl,units=mm",
+}
+"""What can press the pad, and the line with which it starts."""
 
 
 class Controls:
@@ -317,6 +358,7 @@ class Controls:
         self._fields: dict[str, tuple[EditableField, Any]] = {}
         self._signature: dict[str, tuple[Any, ...]] = {}
         self._typing: set[str] = set()
+        self._shown_held: HeldObject | None = None
         self._add_file(session.file.default_name)
         self._add_press()
         for group in GROUPS:
@@ -356,6 +398,7 @@ class Controls:
             self._follow_group(group, [field for field in editable_fields_of(design) if field.group == group])
         space = cavity_of(design).workspace
         ends = ((space.x0_mm, space.x1_mm), (space.y0_mm, space.y1_mm), (0.0, design.operating.max_depth_mm))
+        self._follow_object()
         values = (press.x_mm, press.y_mm, press.depth_mm)
         for slider, (low, high), value in zip(self._sliders, ends, values, strict=True):
             if high <= low:
@@ -401,11 +444,28 @@ class Controls:
         space = cavity_of(design).workspace
         with gui.add_folder("Tip"):
             drag, shift = "Or drag the tip; click the pad to jump.", "Or shift-drag the tip."
+            self._pressed_by: Any = gui.add_dropdown(
+                "pressed by", tuple(PRESSED_BY), initial_value=OWN_TIP, hint="What presses the pad."
+            )
+            self._line: Any = gui.add_text(
+                "object",
+                "",
+                multiline=True,
+                visible=False,
+                hint="Kind and sizes [mm], angles [deg], as --object takes them.",
+            )
+            self._pressed_by.on_update(self._choose_object)
+            self._line.on_update(self._type_object)
             self._sliders = (
                 self._slider("x", space.x0_mm, space.x1_mm, press.x_mm, drag),
                 self._slider("y", space.y0_mm, space.y1_mm, press.y_mm, drag),
                 self._slider("depth", 0.0, design.operating.max_depth_mm, press.depth_mm, shift),
             )
+            turn = "Or control-drag the object."
+            self._angles = {
+                name: self._angle_slider(name, turn if name == "yaw" else "")
+                for name in ("yaw", "pitch", "roll")
+            }
             self._rays = gui.add_checkbox(
                 "sample rays", False, hint="Paths of the nearest pairs' light, by kind."
             )
@@ -433,6 +493,43 @@ class Controls:
 
         slider.on_update(moved)
         return slider
+
+    def _angle_slider(self, name: str, hint: str) -> Any:
+        slider = self._gui.add_slider(
+            f"{name} [deg]", min=-180.0, max=180.0, step=1.0, initial_value=0.0, visible=False, hint=hint
+        )
+
+        def turned(event: Any) -> None:
+            if event.client is None:
+                return
+            wanted = float(slider.value)
+            self._later(f"turn {name}", lambda: self._session.turn(**{name: wanted}), 0.0)
+
+        slider.on_update(turned)
+        return slider
+
+    def _choose_object(self, event: Any) -> None:
+        if event.client is not None:
+            line = PRESSED_BY[str(self._pressed_by.value)]
+            self._line.value, self._line.visible = line, bool(line)
+            self._later("object", lambda: self._session.hold(line), 0.0)
+
+    def _type_object(self, event: Any) -> None:
+        if event.client is not None:
+            self._later("object", lambda: self._session.hold(str(self._line.value)), TYPED_S)
+
+    def _follow_object(self) -> None:
+        """Show the object that presses; a line that was rejected is not changed until there is another object."""
+        held = self._session.press.held
+        if held == self._shown_held:
+            return
+        self._shown_held = held
+        self._line.value, self._line.visible = "" if held is None else held.line, held is not None
+        kind = OWN_TIP if held is None else f"{held.kind} {getattr(held, 'pose', '')}".strip()
+        self._pressed_by.value = kind
+        for name, slider in self._angles.items():
+            slider.visible = held is not None
+            slider.value = 0.0 if held is None else math.remainder(getattr(held, name), 360.0)
 
     def _follow_group(self, group: str, fields: list[EditableField]) -> None:
         signature = tuple((field.path, field.kind, field.choices) for field in fields)

@@ -45,7 +45,7 @@ OF_ANSWER: dict[type, tuple[str, ...]] = {
     Look: ("press", "curves"),
     found_by_work.Curves: ("curves",),
     Rays: ("rays",),
-    Readings: (),
+    Readings: ("curves",),
     LiveVerdict: ("map", "words"),
     found_by_work.Progress: ("words",),
     Failed: ("press", "words"),
@@ -194,7 +194,8 @@ class Page:
             if isinstance(answer, LiveVerdict):
                 self._judged[answer.digest] = answer
                 self._forget_some()
-            if isinstance(answer, (LiveVerdict, Look)):  # there is a result again
+            is_verdict = isinstance(answer, LiveVerdict) and self.session.press.held is None
+            if is_verdict or isinstance(answer, Look):  # there is a result again
                 self._answers.pop(Failed, None)
         if isinstance(answer, Readings) and self._live is not None and self._live.expected is None:
             self._live.set_expected(answer.untouched)
@@ -288,7 +289,8 @@ class Page:
         self._scene.draw_tip(now.design, self.session.press)
         failed, digest = answers.get(Failed), now.design.digest
         has_none = isinstance(failed, Failed) and failed.digest == digest
-        if isinstance(look, Look) and not now.errors and (look.digest == digest or not has_none):
+        by_tip = self.session.press.held is None
+        if isinstance(look, Look) and not now.errors and (not has_none or (by_tip and look.digest == digest)):
             self._scene.draw_top(look)
         else:
             self._scene.draw_untouched_top(now.design, is_bad=bool(now.errors))

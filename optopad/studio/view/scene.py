@@ -1,8 +1,9 @@
 """The 3D picture: layers, components, mold, tip, pressed top, light paths, and alternative designs; lengths in mm.
 
 Components and tip can be dragged: the pointer's ray is intersected with the surface on which they move. For a component
-this is the wall's inner face; it moves either along the wall or in height. For the tip it is a horizontal plane; with
-the shift key the tip moves along the normal and changes the depth.
+this is the wall's inner face; it moves either along the wall or in height. For the tip, or the object that presses in
+its place, it is a horizontal plane; with the shift key it moves along the normal and changes the depth, and with the
+control key an object turns.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import numpy as np
 import viser
 
 from optopad.cad.mesh import Mesh
-from optopad.design.arrays import FloatArray
+from optopad.design.arrays import FloatArray, IntArray
 from optopad.design.shape.cavity import CavityGeometry, PlacedPart, Plan, cavity_of
 from optopad.design.spec import SensorDesign
 from optopad.fabrication.driver.touch_reader import Touch
@@ -27,6 +28,8 @@ from optopad.studio.view.shapes import (
     along_one_way,
     body_box,
     facing,
+    held_body,
+    held_pose,
     mold_edges,
     plane_cut,
     round_cut,
@@ -48,6 +51,7 @@ CLEAR, BLACK, MOLD, TIP, BAD, GHOST = (
     (0, 158, 115),
 )
 PART_COLOURS = {"emitter": (230, 159, 0), "receiver": (0, 114, 178)}
+UNTURNED = {"yaw": 0.0, "pitch": 0.0, "roll": 0.0}
 FACE_MM = 0.25
 """Thickness of a component's active face in the picture [mm]."""
 
@@ -229,20 +233,23 @@ class PadScene:
         )
 
     def draw_tip(self, design: SensorDesign, press: LivePress) -> None:
-        """Draw the tip at the press, along the normal of the untouched top at this location."""
-        shape = design.indenter.model_dump_json()
+        """Draw what presses: the tip along the normal of the untouched top at this location, or an object."""
+        held = press.held
+        shape = design.indenter.model_dump_json() if held is None else held.model_copy(update=UNTURNED).line
         if self._tip is None or shape != self._tip_shape:
-            self._tip = self._new_tip(design)
+            self._tip = self._new_tip(tip_body(design) if held is None else held_body(held))
             self._tip_shape = shape
         plan = cavity_of(design).plan
+        if held is not None:
+            self._tip.position, self._tip.wxyz = held_pose(plan, held, press)
+            return
         self._tip.position = tip_apex_mm(plan, press.place_mm, press.depth_mm)
         self._tip.wxyz = along_normal(plan.normal(*press.place_mm))
 
-    def _new_tip(self, design: SensorDesign) -> viser.FrameHandle:
+    def _new_tip(self, body_mesh: tuple[FloatArray, IntArray]) -> viser.FrameHandle:
         frame = self._scene.add_frame("/tip", show_axes=False)
-        points, triangles = tip_body(design)
         body = self._scene.add_mesh_simple(
-            "/tip/body", points, triangles, color=TIP, opacity=0.75, side="double", cast_shadow=False
+            "/tip/body", *body_mesh, color=TIP, opacity=0.75, side="double", cast_shadow=False
         )
 
         async def moved(event: viser.SceneNodeDragEvent[viser.MeshHandle]) -> None:
@@ -264,8 +271,21 @@ class PadScene:
             depth = float(self._grabs["push from"][0] + way @ normal)
             self._later("depth", lambda: self._session.move_tip(depth_mm=depth))
 
+        async def turned(event: viser.SceneNodeDragEvent[viser.MeshHandle]) -> None:
+            press = self._session.press
+            if press.held is None:
+                return
+            if event.phase == "start" or "turn" not in self._grabs:
+                self._grabs["turn"] = np.array(event.start_position)
+                self._grabs["turn from"] = np.array([press.held.yaw])
+            eye, grab = np.array(event.client.camera.position), self._grabs["turn"]
+            at = plane_cut(eye, np.array(event.end_position), 2, float(grab[2]))
+            yaw = float(self._grabs["turn from"][0]) + turn_deg(press.place_mm, grab, at)
+            self._later("turn", lambda: self._session.turn(yaw=yaw))
+
         body.on_drag("left")(moved)
         body.on_drag("left", modifier="shift")(pushed)
+        body.on_drag("left", modifier="cmd/ctrl")(turned)
         return frame
 
     @property

@@ -15,14 +15,19 @@ from typing import Any
 import msgspec
 import numpy as np
 from viser import _messages as kinds
+from viser.transforms import SO3
 
 from optopad.design.arrays import FloatArray, IntArray
+from optopad.design.held_object import Box as HeldBox
+from optopad.design.held_object import Cylinder, Ellipsoid, HeldObject, Mesh, Punch, Sphere, Torus
 from optopad.design.mold.outline import outline_of
 from optopad.design.shape.cavity import TURN_RAD, PlacedPart, Plan
 from optopad.design.shape.outline import Point, X, Y
 from optopad.design.spec import SensorDesign
+from optopad.sims.contact.held.bottoms import bottom_mm, rotation
 from optopad.sims.contact.tip import tip_points_mm
 from optopad.studio.pad_mesh import ring_triangles
+from optopad.studio.session import LivePress
 
 KINDS: dict[str, Any] = {
     kind.__name__: kind
@@ -119,6 +124,10 @@ Box = tuple[FloatArray, FloatArray]
 TIP_LENGTH = 3.0
 """Length of the drawn tip [tip radii]."""
 TIP_TURNS = 40
+HELD_RINGS = 24
+"""Number of rings of a drawn object; it is even, so none lies in the middle of an edge."""
+TOUCH_STEPS = 41
+"""Nodes a side at which an object's first touch of a crown is sought."""
 
 
 def facing(part: PlacedPart) -> Quaternion:
@@ -161,6 +170,55 @@ def tip_body(design: SensorDesign) -> tuple[FloatArray, IntArray]:
         axis=-1,
     ).reshape(-1, 3)
     return points, ring_triangles(len(outline), TIP_TURNS)
+
+
+def held_body(held: HeldObject) -> tuple[FloatArray, IntArray]:
+    """(n, 3) points [mm] and (m, 3) triangles of an object before it is turned, its centre at the origin.
+
+    Rounded bodies are a ball of the edge's radius, its points moved away from the centre by the sharp body inside.
+    """
+    if isinstance(held, Mesh):
+        return held.facets.vertices_mm, held.facets.triangles
+    polar = np.linspace(0.0, 2 * np.pi if isinstance(held, Torus) else np.pi, HELD_RINGS)[:, None]
+    turns = (np.arange(TIP_TURNS) + 0.5) * 2 * np.pi / TIP_TURNS
+    flat = np.stack([np.cos(turns), np.sin(turns), np.zeros_like(turns)], axis=-1)
+    ring = np.round(np.sin(polar), 12)[..., None]
+    ball = ring * flat + np.array([0.0, 0.0, 1.0]) * np.cos(polar)[..., None]
+    if isinstance(held, Sphere):
+        points = held.radius * ball
+    elif isinstance(held, Ellipsoid):
+        points = np.array([held.a, held.b, held.c]) * ball
+    elif isinstance(held, Torus):
+        points = held.radius * flat + held.tube * ball
+    elif isinstance(held, HeldBox):
+        core = np.array([held.length, held.width, held.height]) / 2 - held.edge_mm
+        points = core * np.sign(ball) + held.edge_mm * ball
+    else:
+        assert isinstance(held, Cylinder | Punch)
+        length = held.length if isinstance(held, Cylinder) else TIP_LENGTH * held.radius
+        core = np.array([held.radius, held.radius, length / 2]) - held.edge_mm
+        points = core * (np.sign(ring) * flat + np.sign(ball) * [0.0, 0.0, 1.0]) + held.edge_mm * ball
+        points = (
+            points[..., [2, 0, 1]]
+            if isinstance(held, Cylinder)
+            else points + np.array([0.0, 0.0, length / 2])
+        )
+    return points.reshape(-1, 3), ring_triangles(HELD_RINGS, TIP_TURNS)
+
+
+def held_pose(plan: Plan, held: HeldObject, press: LivePress) -> tuple[FloatArray, Quaternion]:
+    """Position of an object's centre (3,) in the cavity's coordinates [mm], and its rotation."""
+    origin, axes = plan.top.press_frame(*press.place_mm)
+    turn = math.degrees(math.atan2(axes[0, 1], axes[0, 0]))
+    posed = held.model_copy(update={"yaw": held.yaw - turn})
+    body = held_body(held)[0] @ rotation(posed).T
+    height = -float(body[:, 2].min()) - press.depth_mm
+    if not plan.top.is_flat:
+        nodes = np.linspace(-1.0, 1.0, TOUCH_STEPS) * np.abs(body[:, :2]).max()
+        sag_mm = plan.top.in_frame.sag_mm(*np.meshgrid(nodes, nodes, indexing="ij"))
+        height -= float(np.nanmin(bottom_mm(posed, nodes, nodes) + sag_mm))
+    w, x, y, z = SO3.from_matrix(axes.T @ rotation(posed)).wxyz.tolist()
+    return origin + height * axes[2], (w, x, y, z)
 
 
 def mold_edges(design: SensorDesign) -> FloatArray:

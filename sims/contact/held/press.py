@@ -34,12 +34,12 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt, label, map_coordinates, uniform_filter
+from scipy.ndimage import binary_dilation, distance_transform_edt, label, map_coordinates, uniform_filter
 from scipy.optimize import brentq
 from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
-from optopad.design.arrays import FloatArray
+from optopad.design.arrays import BoolArray, FloatArray
 from optopad.design.errors import InputError, ModelScopeError
 from optopad.design.rules.touch import LARGEST_HELD_SHARE, NEAREST_HELD
 from optopad.design.shape.cavity import Plan
@@ -49,7 +49,8 @@ from optopad.sims.contact.scope import Contact, Place
 from optopad.sims.press import GridTop
 
 STEP_MM = 0.16
-"""Largest distance of the grid's nodes."""
+"""Largest distance of the grid's nodes, on pads that need at most `MOST_STEPS` of them along a side."""
+MOST_STEPS = 360
 SETTLED = 1e-6
 """Largest accepted gap or overlap in the contact, over the depth [-]."""
 FORGIVEN = 1e-4
@@ -94,7 +95,7 @@ def grid_of(contact: Contact, at_mm: Place) -> tuple[FloatArray, FloatArray]:
     x, y = _border(contact.draft.plan, at_mm)[1].T
     spans = [(float(one.min()), float(one.max())) for one in (x, y)]
     longest = max(high - low for low, high in spans)
-    step = longest / math.ceil(longest / STEP_MM)
+    step = longest / min(math.ceil(longest / STEP_MM), MOST_STEPS)
     counts = [math.ceil((high - low) / step - 1e-6) for low, high in spans]
     first, second = (
         np.asarray((low + high) / 2 + step * (np.arange(count + 1) - count / 2), np.float64)
@@ -334,7 +335,8 @@ def _at_depth(pad: _Pad, at_mm: Place, gap: FloatArray, depth_mm: float) -> Held
     moved = moved / pad.slope
     height = np.where(touching, overlap, -moved)
     pressure = load * pad.slope
-    level = edge_level(pressure, np.where(touching, 0.0, moved + overlap), pad.step_mm)
+    gap_mm = np.where(touching, 0.0, moved + overlap)
+    level = edge_level(pressure, gap_mm, pad.step_mm)
     pressure *= pad.shear_mpa / excess(overlap, level, pad.step_mm, pad.thickness_mm)
     cell, area = pad.step_mm**2, _area(level, pad.step_mm)
     return HeldPress(
@@ -343,20 +345,33 @@ def _at_depth(pad: _Pad, at_mm: Place, gap: FloatArray, depth_mm: float) -> Held
         force_n=float(pressure.sum() * cell),
         area_mm2=area,
         depth_mm=depth_mm,
-        notes=_notes(pad, area, int(touching.sum())),
+        notes=_notes(pad, gap_mm, touching, area, depth_mm),
     )
 
 
-FEW_NODES = 20
+FEW_NODES = 9
+"""Nodes in contact below which force and area are less accurate."""
+SHARP_SHARE = 1.0 / 6.0
+"""Depth over thickness from which on the top beside sharp edges is less accurate [-]."""
 
 
-def _notes(pad: _Pad, area_mm2: float, nodes: int) -> tuple[str, ...]:
-    if nodes >= FEW_NODES:
-        return ()
-    return (
-        f"contact: it covers {area_mm2:.2g} mm², {nodes} nodes of a grid of {pad.step_mm:.2g} mm: force and area are "
-        "within 10 %",
-    )
+def _notes(
+    pad: _Pad, gap: FloatArray, touching: BoolArray, area_mm2: float, depth_mm: float
+) -> tuple[str, ...]:
+    """Notes on a contact, with the gap (nx, ny) between object and top [mm]."""
+    notes, nodes = [], int(touching.sum())
+    if nodes < FEW_NODES:
+        notes.append(
+            f"contact: it covers {area_mm2:.2g} mm², {nodes} nodes of a grid of {pad.step_mm:.2g} mm: force is "
+            "within 20 %, area within a half"
+        )
+    beside = binary_dilation(touching) & ~touching & pad.inside
+    if depth_mm > SHARP_SHARE * pad.thickness_mm and (gap[beside] > pad.step_mm).any():
+        notes.append(
+            f"contact: it ends at a sharp edge or steep side, {depth_mm:.3g} mm deep: beside it the top is up to 9 % "
+            "of the depth too low"
+        )
+    return tuple(notes)
 
 
 SOFTER = 0.075, 0.042
@@ -374,10 +389,11 @@ def excess(overlap: FloatArray, level: FloatArray, step: float, thickness: float
     level : (nx, ny) distance from the contact's edge near it [mm]
     step, thickness : distance of the nodes, thickness of the layer [mm]
     """
+    factor, around = np.ones_like(level), _around(level > 0.0)
+    overlap, level, found = overlap[around], level[around], factor[around]
     number, count = label(level > 0.0, structure=np.ones((3, 3)))
     away, nearest = distance_transform_edt(number > 0, sampling=step, return_indices=True)
     away += level[tuple(nearest)]
-    found = np.ones_like(level)
     for one in range(1, count + 1):
         area = number == one
         depth = -float(overlap[area].min())
@@ -385,7 +401,7 @@ def excess(overlap: FloatArray, level: FloatArray, step: float, thickness: float
         roundness, strain = math.sqrt(spread[0] / spread[1]), depth / float(away[area].max())
         softer = SOFTER[0] * strain + SOFTER[1] * strain**2
         found[area] += roundness * softer - (1.0 - roundness) * STIFFER * depth / thickness
-    return found
+    return factor
 
 
 EDGE_ROUNDS, NEWTON_ROUNDS = 3, 20
@@ -400,6 +416,8 @@ def edge_level(pressure: FloatArray, gap: FloatArray, step: float) -> FloatArray
     gap : (nx, ny) gap outside the contact [mm]
     step : distance of the nodes [mm]
     """
+    whole, around = np.where(pressure > 0.0, step, -step), _around(pressure > 0.0)
+    pressure, gap = pressure[around], gap[around]
     touching = pressure > 0.0
     inner, outer = pressure**2, np.where(touching, 0.0, 3.0 * np.clip(gap, 1e-12, step)) ** (2.0 / 3.0)
     level = np.where(touching, step, -step)
@@ -424,7 +442,14 @@ def edge_level(pressure: FloatArray, gap: FloatArray, step: float) -> FloatArray
         found = np.where(touching[is_near], inner[is_near] * z**3, -outer[is_near] * z)
         level = np.where(touching, step, -step)
         level[is_near] = np.clip(found, -step, step)
-    return level
+    whole[around] = level
+    return whole
+
+
+def _around(touching: BoolArray) -> Window:
+    """The part of the grid with all contact, and some nodes around it."""
+    x, y = (slice(max(int(k.min()) - 4, 0), int(k.max()) + 5) for k in np.nonzero(touching))
+    return x, y
 
 
 def _shifted(axis: int, start: int | None, stop: int | None) -> Window:

@@ -8,17 +8,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from optopad.design.held_object import held_of
 from optopad.design.preset import PRESETS, SHAPED_PRESETS, preset
 from optopad.design.shape.cavity import cavity_of, workspace_of
 from optopad.design.spec import SensorDesign
+from optopad.sims.contact.held.bottoms import bottom_mm, rotation
+from optopad.sims.contact.held.press import grid_of
 from optopad.sims.contact.pad_surface import PadSurface, curve_height_mm, pad_surface
+from optopad.sims.contact.scope import contact_of
 from optopad.sims.optics.scene.lower import scene_of
+from optopad.sims.press import GridTop
 from optopad.studio import pad_mesh
-from optopad.studio.pad_mesh import cut_open, outline_mm, pressed_top, struck_place, untouched_top
+from optopad.studio.pad_mesh import cut_open, held_top, outline_mm, pressed_top, struck_place, untouched_top
 from optopad.studio.view.shapes import (
     along_normal,
     body_box,
     facing,
+    held_body,
     plane_cut,
     round_cut,
     tip_apex_mm,
@@ -182,3 +188,55 @@ def test_a_pointer_on_a_round_wall_is_met_on_its_own_side() -> None:
     beside = round_cut(eye, np.array([-40.0, 27.5, 5.0]), plan.centre_mm, radius, np.array([0.0, 27.5, 5.0]))
     assert np.isfinite(beside).all()
     assert plane_cut(eye, np.array([20.0, 0.0, 5.0]), 2, 5.0) == pytest.approx([20.0, 0.0, 5.0])
+
+
+@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("spot", SPOTS)
+def test_a_top_under_an_object_has_the_grid_s_heights_along_the_normal(
+    name: str, spot: tuple[float, float]
+) -> None:
+    design = preset(name)
+    plan, place = cavity_of(design).plan, place_in(design, spot)
+    x, y = grid_of(contact_of(design), place)
+
+    def dent(along_x: np.ndarray, along_y: np.ndarray) -> np.ndarray:
+        return -0.3 * np.exp(-(along_x**2 + 0.5 * along_y**2) / 6.0)
+
+    height = dent(x[:, None], y)
+    points, triangles = held_top(design, GridTop(at_mm=place, x_mm=x, y_mm=y, height_mm=height, level=height))
+    origin, axes = plan.top.press_frame(*place)
+    along = (points - origin) @ axes.T
+    start = points - dent(*along[:, :2].T)[:, None] * axes[2]
+    assert np.allclose(start[:, 2], pad_mesh.top_mm(plan, *start[:, :2].T), atol=1e-3)
+    assert (areas_mm2(points, triangles) > -1e-6).all()
+    assert areas_mm2(points, triangles).sum() == pytest.approx(
+        areas_mm2(*untouched_top(plan)).sum(), rel=1e-3
+    )
+
+
+BODIES = [
+    "sphere",
+    "ellipsoid",
+    "cylinder,edge=0.5",
+    "punch",
+    "torus",
+    *(f"box,pose={pose}" for pose in ("face", "edge", "corner")),
+]
+
+
+@pytest.mark.parametrize("turned", ["", ",yaw=20,pitch=35,roll=10"])
+@pytest.mark.parametrize("text", BODIES)
+def test_an_object_is_drawn_as_it_presses(text: str, turned: str) -> None:
+    held = held_of(text + turned)
+    points, triangles = held_body(held)
+    turned_mm = points @ rotation(held).T
+    above = turned_mm[:, 2] - turned_mm[:, 2].min()
+    own = [
+        (height, bottom_mm(held, point[:1], point[1:2]).item())
+        for point, height in zip(turned_mm[::23], above[::23], strict=True)
+    ]
+    gap = np.array([height - bottom for height, bottom in own if np.isfinite(bottom)])
+    assert gap.min() > -0.05  # chords of a mesh
+    assert (gap < 0.05).mean() > 0.3  # points on the lower side
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    assert np.einsum("ij,ij->", a, np.cross(b, c)) > 0.0  # triangles counter-clockwise from outside

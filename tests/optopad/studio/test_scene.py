@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import viser
+from viser.transforms import SO3
 
 from optopad.design.preset import PRESETS, SHAPED_PRESETS
 from optopad.design.shape.cavity import cavity_of
@@ -100,3 +101,33 @@ def test_a_part_goes_where_the_pointer_drags_its_face(name: str) -> None:
             assert where == pytest.approx(
                 asked | {"height_mm": part.height_mm}, abs=0.06
             )  # a step of `moved`
+
+
+@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("text", ["cylinder,yaw=30", "box,pose=edge", "torus,pitch=20"])
+def test_an_object_goes_as_deep_into_the_untouched_top_as_it_is_pressed(name: str, text: str) -> None:
+    with scene_of(name) as (scene, session, server):
+        assert session.hold(f"{text},depth=1")
+        plan, press = cavity_of(session.design).plan, session.press
+        space = cavity_of(session.design).workspace
+        session.move_tip(x_mm=space.x0_mm + 0.3 * (space.x1_mm - space.x0_mm))
+        scene.draw_tip(session.design, session.press)
+        frame, body = nodes(server, viser.FrameHandle)["/tip"], nodes(server, viser.MeshHandle)["/tip/body"]
+        turn = SO3(np.asarray(frame.wxyz)).as_matrix()
+        corners = np.asarray(body.vertices) @ turn.T + np.asarray(frame.position)
+        ends = corners[np.asarray(body.faces)]
+        share = np.linspace(0.0, 1.0, 9)[:, None, None, None]
+        points = (share * ends + (1.0 - share) * np.roll(ends, 1, axis=1)).reshape(-1, 3)
+        _, axes = plan.top.press_frame(*session.press.place_mm)
+        below = (plan.top.height_mm(points[:, 0], points[:, 1]) - points[:, 2]) * axes[2, 2]
+        assert np.nanmax(below) == pytest.approx(press.depth_mm, abs=0.05)
+        node = body
+        session.turn(yaw=70.0)
+        scene.draw_tip(session.design, session.press)
+        assert nodes(server, viser.MeshHandle)["/tip/body"] is node  # so that a drag goes on
+        session.hold("")
+        scene.draw_tip(session.design, session.press)
+        tip = nodes(server, viser.FrameHandle)["/tip"]
+        assert np.asarray(tip.position) == pytest.approx(
+            tip_apex_mm(plan, session.press.place_mm, session.press.depth_mm)
+        )

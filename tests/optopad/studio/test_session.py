@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from optopad.design.errors import InputError
+from optopad.design.held_object import held_of
 from optopad.design.preset import preset, preset_text
 from optopad.design.rules.check import check
 from optopad.design.shape.cavity import workspace_of
 from optopad.studio import session as session_module
 from optopad.studio.design_file import DesignFile
-from optopad.studio.session import MERGE_S, Said, Session
+from optopad.studio.session import MERGE_S, LivePress, Said, Session
 from tests.said import says
 
 CLEAR = "cavity.clear_thickness_mm"
@@ -388,3 +390,32 @@ def test_a_file_that_names_an_unknown_part_is_said_and_edits_are_kept(session: S
     assert session.design.cavity.clear_thickness_mm == 9.0
     with pytest.raises(InputError, match=r"receivers\.part"):
         Session(DesignFile(str(file)))
+
+
+def test_an_object_presses_in_place_of_the_tip_is_turned_and_taken_away(session: Session) -> None:
+    before, told = session.press, []
+    session.listen(lambda: told.append(session.press))
+    session.turn(yaw=10.0)
+    assert (session.press, told) == (before, [])
+    assert session.hold("cylinder,radius=4,x=9,depth=1")
+    held = session.press.held
+    assert held == held_of("cylinder,radius=4")
+    assert session.press == LivePress(x_mm=9.0, y_mm=before.y_mm, depth_mm=1.0, held=held)
+    assert session.said == Said(text="pressed by a cylinder of radius 4 mm, 10 mm long")
+    session.turn(yaw=190.4)
+    session.move_tip(y_mm=12.0)
+    assert session.press.held == held_of("cylinder,radius=4,yaw=-170")
+    assert told[-1] == session.press
+    turned = session.press
+    for text in ("cylinder,radius=0", "cylinder,radius", "cube", "mesh,file=none.stl,units=mm"):
+        assert not session.hold(text)
+        assert session.said.is_bad
+        assert session.press == turned
+    assert session.hold("")
+    assert session.press == replace(turned, held=None)
+
+
+def test_an_object_may_not_leave_the_workspace_and_an_angle_in_radians_is_doubted(session: Session) -> None:
+    assert session.hold("box,pose=edge,x=500,yaw=0.785398")
+    assert session.press.x_mm == workspace_of(session.design).x1_mm
+    assert "yaw=45" in session.said.text

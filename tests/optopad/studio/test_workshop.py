@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from optopad.design.held_object import held_of
 from optopad.design.preset import preset
 from optopad.design.spec import SensorDesign
 from optopad.sims.score import objective as draft
@@ -374,7 +375,7 @@ def test_an_untouched_pad_is_flat_and_bears_nothing() -> None:
     with working(request_of(press=LivePress(x_mm=9.0, y_mm=11.0, depth_mm=0.0))) as (_, answers):
         answers.wait(lambda one: isinstance(one, Look))
         (look,) = answers.of(Look)
-        assert (look.force_n, look.contact_radius_mm) == (0.0, 0.0)
+        assert (look.force_n, look.area_mm2) == (0.0, 0.0)
         assert (look.points_mm[:, 2] == 8.0).all()
 
 
@@ -391,3 +392,47 @@ def test_a_newer_design_ends_a_score_that_is_under_way(slow_score: dict[str, Any
         assert slow_score["steps"] < 6000
         answers.wait(lambda one: isinstance(one, LiveVerdict) and one.digest == newer.digest)
         assert {one.digest for one in answers.of(LiveVerdict) if one.level != "draft"} == set()
+
+
+def test_an_object_is_dragged_and_turned_and_the_tip_s_answers_are_as_before() -> None:
+    cylinder = replace(PRESS, depth_mm=1.5, held=held_of("cylinder,radius=5"))
+    presses = [
+        PRESS,
+        cylinder,
+        replace(cylinder, x_mm=11.0),
+        replace(cylinder, held=held_of("cylinder,radius=5,yaw=40")),
+        PRESS,
+    ]
+    looks, seen = [], []
+    with working() as (shop, answers):
+        for press in presses:
+            before = len(answers.all)
+            shop.want(request_of(press=press, with_rays=True))
+            looks.append(answers.all[answers.wait(lambda one: isinstance(one, Look), before)])
+            if press.held is not None:
+                found = answers.all[answers.wait(lambda one: isinstance(one, Readings), before)]
+                assert isinstance(found, Readings)
+                assert found.press == press
+                assert found.changes is not None
+                assert (np.abs(found.changes) > 3.0).any()
+                seen.append(found.pressed)
+    first, pressed, *_, last = looks
+    assert isinstance(first, Look)
+    assert isinstance(pressed, Look)
+    assert isinstance(last, Look)
+    assert pressed.points_mm[:, 2].min() == pytest.approx(8.0 - 1.5, abs=0.01)
+    assert pressed.force_n > 0.0 < pressed.area_mm2
+    for one, other in ((0, 1), (0, 2), (1, 2)):
+        assert np.abs(seen[one] - seen[other]).max() > 10.0
+    assert np.array_equal(first.points_mm, last.points_mm)
+    assert (first.force_n, first.area_mm2) == (last.force_n, last.area_mm2)
+
+
+def test_an_object_that_is_pressed_too_deep_is_refused_with_the_way_out() -> None:
+    too_deep = replace(PRESS, depth_mm=5.0, held=held_of("box"))
+    with working(request_of(press=too_deep)) as (shop, answers):
+        failed = answers.all[answers.wait(lambda one: isinstance(one, Failed))]
+        assert isinstance(failed, Failed)
+        assert "press less deep" in failed.text
+        shop.want(request_of(press=PRESS))
+        answers.wait(lambda one: isinstance(one, Look))

@@ -10,6 +10,9 @@ from scipy.interpolate import RectBivariateSpline
 
 from optopad.design.arrays import FloatArray
 from optopad.design.preset import preset
+from optopad.design.shape.cavity import Plan
+from optopad.design.shape.outline import outline_in
+from optopad.design.shape.top import Top
 from optopad.sims.contact import walls
 from optopad.sims.contact.held.layer import WideLayer, pad_layer, wide_compliance
 from optopad.sims.contact.held.solve import contact_pressure
@@ -107,3 +110,22 @@ def test_the_response_of_the_pad_is_symmetric() -> None:
     assert float((change_of(one, x) * other).sum()) == pytest.approx(
         float((change_of(other, x) * one).sum()), rel=1e-9
     )
+
+
+def test_a_disc_answers_as_finite_elements_that_are_symmetric_about_its_axis() -> None:
+    thickness, radius, width = 6.0, 8.0, 2.5
+    outline = outline_in("disc", (0.0, 0.0, 2.0 * radius, 2.0 * radius))
+    plan = Plan(outline=outline, top=Top(clear_mm=thickness - 1.0, apex_mm=(radius, radius)))
+    x = np.linspace(0.0, 2.0 * radius, 81)
+    step, load = x[1], load_over(x, (radius, radius), width)
+    layer = pad_layer(plan, 1.0)
+    splines = layer.at(np.repeat(x, len(x)), np.tile(x, len(x)))
+    change = splines @ (layer.coefficients @ (splines.T @ load.ravel())) * step**2
+    found = WideLayer(thickness, (step, step), load.shape).moved(load) + change.reshape(load.shape)
+    round_layer = walls.RoundLayer(thickness, radius)
+    exact = round_layer.field(
+        lambda r: 2.5 / (np.pi * width**2) * np.maximum(1.0 - (r / width) ** 2, 0.0) ** 1.5
+    )
+    away = np.hypot(x[:, None] - radius, x - radius)
+    off = np.abs(-found - exact.top_at(away))[away < 0.9 * radius]
+    assert off.max() < 0.01 * np.abs(exact.top_at(np.zeros(1)))[0]
