@@ -35,6 +35,8 @@ from optopad.sims.verdict.presses import untouched_flux
 
 Place = tuple[float, float]
 STAGES = ("contact", "light")
+RIM_STEP_MM = 0.5
+"""Distance of the nodes beyond the pad at which objects are compared with the mold's rim."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,10 +147,10 @@ def pressed(draft: Draft, asked: AskedPress) -> HeldPress:
     x_mm, y_mm = grid_of(contact, asked.at_mm)
     turn = math.degrees(math.atan2(axes[0, 1], axes[0, 0]))
     depths = [_depth(one, asked) for one in asked.held]
-    around = math.ceil(max(draft.outline.wall_x_mm, draft.outline.wall_y_mm) / (x_mm[1] - x_mm[0]))
-    around = around if top.is_flat else 0
-    pad = (slice(around, around + len(x_mm)), slice(around, around + len(y_mm)))
-    wide_x, wide_y = (_extended(one, around) for one in (x_mm, y_mm))
+    wall_mm = max(draft.outline.wall_x_mm, draft.outline.wall_y_mm) if top.is_flat else 0.0
+    around = RIM_STEP_MM * np.arange(1, math.ceil(wall_mm / RIM_STEP_MM) + 1)
+    pad = tuple(slice(len(around), len(around) + len(one)) for one in (x_mm, y_mm))
+    wide_x, wide_y = (np.concatenate([one[0] - around[::-1], one, one[-1] + around]) for one in (x_mm, y_mm))
     sag_mm = top.in_frame.sag_mm(*np.meshgrid(wide_x, wide_y, indexing="ij"))
     bottoms = np.full((len(wide_x), len(wide_y)), np.inf)
     for one, depth in zip(asked.held, depths, strict=True):
@@ -164,13 +166,6 @@ def pressed(draft: Draft, asked: AskedPress) -> HeldPress:
         return found
     _require_rim(draft, asked, bottoms - max(depths), wide_x, wide_y)
     return held_press(contact, asked.at_mm, bottoms[pad], depth_mm=max(depths))
-
-
-def _extended(nodes_mm: FloatArray, count: int) -> FloatArray:
-    """Equally spaced nodes with a number of further ones at either end."""
-    step_mm = (nodes_mm[-1] - nodes_mm[0]) / (len(nodes_mm) - 1)
-    before = nodes_mm[0] - step_mm * np.arange(count, 0, -1)
-    return np.concatenate([before, nodes_mm, nodes_mm[-1] + step_mm * np.arange(1, count + 1)])
 
 
 def _require_rim(
