@@ -17,12 +17,16 @@ from optopad.design.held_object import HeldObject, held_of, read_held
 from optopad.design.progress import OnStep
 from optopad.design.rules.check import require_valid
 from optopad.design.spec import SensorDesign
-from optopad.fabrication.bundle import bundle, bundle_name
+from optopad.fabrication.bundle import bundle, bundle_name, program_digest
 from optopad.screen.held import HeldView
+from optopad.screen.output import Told
+from optopad.screen.training import data_lines
 from optopad.sims.held import AskedPress, held_light, pressed, require_asked
 from optopad.sims.plots.files import write_plot
 from optopad.sims.plots.held import plot_held
 from optopad.sims.plots.style import plain_style
+from optopad.sims.readings.held_data import held_data, read_presses
+from optopad.work import OUT
 
 STEM = "press-objects"
 
@@ -32,6 +36,7 @@ STEM = "press-objects"
     at=typed("X,Y"),
     depth=typed("MM"),
     force=typed("N"),
+    presses=typed("FILE", flag="--list"),
     out=typed("FOLDER", type=Path, callback=require_folder),
     set_before="out",
 )
@@ -42,10 +47,11 @@ def press(
     at: str | None = None,
     depth: float | None = None,
     force: str | None = None,
+    presses: Path | None = None,
     out: Path | None = None,
     seed: int = 0,
     on_step: OnStep,
-) -> HeldView:
+) -> HeldView | Told:
     """Compute what the pad sees of an object: signals, force, contact and a picture.
 
     Parameters
@@ -55,9 +61,15 @@ def press(
     at : Where, in the cavity [mm]. Default: the middle.
     depth : Depth from first touch [mm]. Default: 1, or --force.
     force : Force in place of a depth, as 2N.
+    presses : Make a data set of many presses, a row each: x_mm, y_mm, depth_mm or force_n; also object and its keys.
     out : Also write the picture, as SVG and PNG, into the bundle in this folder.
     """
     require_valid(design)
+    if presses is not None:
+        for name, given in (("--at", at), ("--depth", depth), ("--force", force)):
+            if given is not None:
+                raise InputError(f"{name}: does not go with --list, which has presses of its own; drop one")
+        return _data_set(design, presses, object, Path(OUT) if out is None else out, seed, on_step)
     draft = Draft.of(design)
     asked = asked_press(draft, object, at, depth, force)
     require_asked(draft, asked)
@@ -79,6 +91,32 @@ def press(
         (folder / "sims").mkdir(exist_ok=True)
         files = write_plot(plot_held(draft, found.top, view.changes, view.words), folder / "sims" / STEM)
     return replace(view, files=tuple(out / bundle_name(design) / "sims" / file.name for file in files))
+
+
+def _data_set(
+    design: SensorDesign, file: Path, objects: Sequence[str], out: Path, seed: int, on_step: OnStep
+) -> Told:
+    """Write the data set of a list of presses into the bundle."""
+    held = [one for text in objects for one in _held(text)]
+    if len(held) > 1:
+        raise InputError(
+            f"--object: {len(held)} objects with --list, whose presses are by one each; give one"
+        )
+    listed = read_presses(file, held[0] if held else None)
+    name = f"data-{file.stem}-{seed}.nc"
+    with bundle(design, out, seed=seed) as folder:
+        (folder / "sims").mkdir(exist_ok=True)
+        made = held_data(
+            design,
+            listed,
+            folder / "sims" / name,
+            seed=seed,
+            asked=[seed, program_digest()],
+            journal_folder=out,
+            on_step=on_step,
+        )
+    made["file"] = str(out / bundle_name(design) / "sims" / name)
+    return Told(made, data_lines(made))
 
 
 def asked_press(

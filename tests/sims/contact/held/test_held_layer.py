@@ -14,6 +14,7 @@ from optopad.design.shape.cavity import Plan
 from optopad.design.shape.outline import outline_in
 from optopad.design.shape.top import Top
 from optopad.sims.contact import walls
+from optopad.sims.contact.held import layer
 from optopad.sims.contact.held.layer import WideLayer, pad_layer, wide_compliance
 from optopad.sims.contact.held.solve import contact_pressure
 from optopad.sims.contact.scope import contact_of
@@ -23,10 +24,10 @@ def test_a_small_ball_and_a_punch_on_a_thick_layer_are_those_of_hertz_and_sneddo
     step, thickness = 0.06, 40.0
     x = (np.arange(51) - 25) * step
     radius = np.hypot(x[:, None], x)
-    layer = WideLayer(thickness, (step, step), radius.shape).within(radius.shape)
+    wide = WideLayer(thickness, (step, step), radius.shape).within(radius.shape)
 
     def force(gap: FloatArray) -> float:
-        return float(contact_pressure(layer.moved, gap, 1e-6, np.maximum(-gap, 0.0))[0].sum()) * step**2
+        return float(contact_pressure(wide.moved, gap, 1e-6, np.maximum(-gap, 0.0))[0].sum()) * step**2
 
     def confined(contact_radius: float) -> float:
         """Stiffening by the floor, first order (Dimitriadis et al. 2002, bonded and incompressible)."""
@@ -81,9 +82,9 @@ def load_over(x: FloatArray, at: tuple[float, float], width: float) -> FloatArra
 
 def change_of(load: FloatArray, x: FloatArray) -> FloatArray:
     """Downward change of the top by the pad's walls."""
-    layer = pad_layer(PAD.draft.plan, PAD.design.cavity.black_thickness_mm)
-    splines = layer.at(np.repeat(x, len(x)), np.tile(x, len(x)))
-    found = splines @ (layer.coefficients @ (splines.T @ load.ravel())) * (x[1] - x[0]) ** 2
+    pad = pad_layer(PAD.draft.plan, PAD.design.cavity.black_thickness_mm)
+    splines = pad.at(np.repeat(x, len(x)), np.tile(x, len(x)))
+    found = splines @ (pad.coefficients @ (splines.T @ load.ravel())) * (x[1] - x[0]) ** 2
     return np.asarray(found.reshape(load.shape))
 
 
@@ -118,9 +119,9 @@ def test_a_disc_answers_as_finite_elements_that_are_symmetric_about_its_axis() -
     plan = Plan(outline=outline, top=Top(clear_mm=thickness - 1.0, apex_mm=(radius, radius)))
     x = np.linspace(0.0, 2.0 * radius, 81)
     step, load = x[1], load_over(x, (radius, radius), width)
-    layer = pad_layer(plan, 1.0)
-    splines = layer.at(np.repeat(x, len(x)), np.tile(x, len(x)))
-    change = splines @ (layer.coefficients @ (splines.T @ load.ravel())) * step**2
+    disc = pad_layer(plan, 1.0)
+    splines = disc.at(np.repeat(x, len(x)), np.tile(x, len(x)))
+    change = splines @ (disc.coefficients @ (splines.T @ load.ravel())) * step**2
     found = WideLayer(thickness, (step, step), load.shape).moved(load) + change.reshape(load.shape)
     round_layer = walls.RoundLayer(thickness, radius)
     exact = round_layer.field(
@@ -129,3 +130,11 @@ def test_a_disc_answers_as_finite_elements_that_are_symmetric_about_its_axis() -
     away = np.hypot(x[:, None] - radius, x - radius)
     off = np.abs(-found - exact.top_at(away))[away < 0.9 * radius]
     assert off.max() < 0.01 * np.abs(exact.top_at(np.zeros(1)))[0]
+
+
+def test_a_pad_s_layer_is_kept_between_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    black_mm = PAD.design.cavity.black_thickness_mm
+    one = pad_layer(PAD.draft.plan, black_mm)
+    layer._found.cache_clear()
+    monkeypatch.delattr(layer, "_Quarter")
+    np.testing.assert_array_equal(pad_layer(PAD.draft.plan, black_mm).coefficients, one.coefficients)
