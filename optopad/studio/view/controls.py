@@ -466,7 +466,7 @@ class Controls:
                 name: self._angle_slider(name, turn if name == "yaw" else "")
                 for name in ("yaw", "pitch", "roll")
             }
-            self._rays = gui.add_checkbox(
+            self._rays: Any = gui.add_checkbox(
                 "sample rays", False, hint="Paths of the nearest pairs' light, by kind."
             )
             self._rays.on_update(lambda _event: self._redraw())
@@ -527,6 +527,7 @@ class Controls:
         self._line.value, self._line.visible = "" if held is None else held.line, held is not None
         kind = OWN_TIP if held is None else f"{held.kind} {getattr(held, 'pose', '')}".strip()
         self._pressed_by.value = kind
+        self._rays.visible = held is None  # they are traced under the tip alone
         for name, slider in self._angles.items():
             slider.visible = held is not None
             slider.value = 0.0 if held is None else math.remainder(getattr(held, name), 360.0)
