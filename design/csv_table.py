@@ -253,7 +253,9 @@ def _fitted(cells: list[str], heading: Sequence[str], where: str, *, is_torn: bo
     found += [""] * (len(heading) - len(found)) if len(cells) >= len(heading) else []
     if len(found) == len(heading):
         return tuple(found)
-    way_out = "give an empty cell its comma, too" if len(found) < len(heading) else "correct the row"
+    way_out = (
+        "give an empty cell its comma, too" if len(found) < len(heading) else "quote a cell that has commas"
+    )
     if is_torn and len(found) < len(heading):
         way_out = "the file ends within this row: drop it"
     if len(found) > len(heading) and all(is_number(cell) for cell in found if cell):

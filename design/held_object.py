@@ -338,8 +338,8 @@ KINDS: dict[str, type[HeldObject]] = {
 }
 
 
-def held_of(text: str) -> HeldObject:
-    """Parse an object from a text such as ``cylinder,radius=5,yaw=30``.
+def held_of(text: str, folder: Path = Path()) -> HeldObject:
+    """Parse an object from a text such as ``cylinder,radius=5,yaw=30``; the file of a mesh is relative to `folder`.
 
     Raises
     ------
@@ -355,7 +355,26 @@ def held_of(text: str) -> HeldObject:
         if key in given:
             raise InputError(f"{where}: {key} is given twice; keep one")
         given[key] = value
-    return _made(kind, given, where, Path(), InputError)
+    return _made(kind, given, where, folder, InputError)
+
+
+def held_with(held: HeldObject, given: Mapping[str, str], where: str, folder: Path) -> HeldObject:
+    """An object with other values of some keys, given as text; `where` and `folder` are as in `_made`.
+
+    A mesh that is only turned or painted is not read again.
+
+    Raises
+    ------
+    InputError : a key or value is invalid, or a mesh cannot be used.
+    """
+    common = {key: value for key, value in given.items() if key in HeldObject.model_fields}
+    if own := given.keys() - common.keys():
+        kept = held.model_dump(exclude_unset=True, exclude={"kind"})
+        if "file" in kept:
+            kept["file"] = kept["file"].absolute()
+        held = _made(held.kind, kept | {key: given[key] for key in own}, where, folder, InputError)
+    pose = _made("sphere", common, where, folder, InputError)
+    return held.model_copy(update={key: getattr(pose, key) for key in common})
 
 
 def read_held(file: Path) -> tuple[HeldObject, ...]:

@@ -154,8 +154,32 @@ def pressed(draft: Draft, asked: AskedPress) -> HeldPress:
             own -= float(np.nanmin(own + sag_mm))  # each from its own first touch
         bottoms = np.minimum(bottoms, own + max(depths) - depth)
     if asked.force_n is not None:
-        return held_press(contact, asked.at_mm, bottoms, force_n=asked.force_n)
+        found = held_press(contact, asked.at_mm, bottoms, force_n=asked.force_n)
+        _require_rim(draft, asked, bottoms - found.depth_mm, x_mm, y_mm)
+        return found
+    _require_rim(draft, asked, bottoms - max(depths), x_mm, y_mm)
     return held_press(contact, asked.at_mm, bottoms, depth_mm=max(depths))
+
+
+def rim_above_mm(draft: Draft) -> float:
+    """Height of the mold's rim above the pressed surface of a flat pad [mm]; 0 if it is level or lower."""
+    mold = draft.outline
+    return max(mold.highest_mm - mold.fill_mm - draft.design.cavity.black_thickness_mm, 0.0)
+
+
+def _require_rim(
+    draft: Draft, asked: AskedPress, above_mm: FloatArray, x_mm: FloatArray, y_mm: FloatArray
+) -> None:
+    """Refuse objects that touch the rim around a flat pad, given their heights above the pressed surface."""
+    if not draft.plan.top.is_flat:
+        return
+    rim_mm, (x, y) = rim_above_mm(draft), asked.at_mm
+    is_outside = draft.plan.outline.gap_mm(*np.meshgrid(x + x_mm, y + y_mm, indexing="ij")) <= 1e-9
+    if (is_outside & (above_mm < rim_mm - 1e-9)).any():
+        raise ModelScopeError(
+            f"objects: {asked.held[0].words} would touch the rim around the pad, {rim_mm:.3g} mm above it; take a "
+            "smaller object, move it to the middle, or lower mold.rim_mm"
+        )
 
 
 def _place(held: HeldObject, asked: AskedPress) -> Place:

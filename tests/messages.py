@@ -29,6 +29,7 @@ from tests.design.rules import test_shape_rules
 from tests.optopad.cli import test_cli_bad_input, test_cli_explore, test_cli_parts, test_cli_rays, test_studio
 from tests.optopad.screen.test_one_screen import LACKS, SCORES, cause
 from tests.optopad.verbs import test_improve
+from tests.sims.readings import test_held_data
 
 FILE = Path(__file__).with_name("messages.txt")
 
@@ -43,6 +44,8 @@ def messages() -> Iterator[tuple[str, str]]:
     for text, _ in test_held_object.REFUSED:
         if "file=" not in text:  # such a file is made for the test
             yield f"object: {text}", test_held_object.refusal(text)
+    for text, _ in test_held_data.REFUSED:
+        yield f"list: {text}", test_held_data.refusal(text)
     for arguments in _commands():
         yield f"optopad {' '.join(arguments)}", _said(arguments)
     for old, new, _ in test_cli_explore.REFUSED:

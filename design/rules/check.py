@@ -32,8 +32,9 @@ from optopad.design.rules.light import (
     path_findings,
     workspace_findings,
 )
-from optopad.design.rules.mold import housing_notes, mold_findings, reach_notes, web_findings
+from optopad.design.rules.mold import housing_notes, mold_findings, web_findings
 from optopad.design.rules.shape import is_spanned, shape_findings, span_findings
+from optopad.design.rules.touch import touch_notes
 from optopad.design.shape.cavity import part_field
 from optopad.design.spec import SensorDesign
 from optopad.design.spec.layout import MAX_PER_KIND, Kind
@@ -87,7 +88,7 @@ def by_weight(findings: Iterable[Finding]) -> tuple[Finding, ...]:
 def notes(design: SensorDesign) -> tuple[Finding, ...]:
     """Notes about what a user may not expect or know; the design must have no errors."""
     draft = Draft.of(design)
-    return (*reach_notes(draft), *housing_notes(draft))
+    return (*touch_notes(draft), *housing_notes(draft))
 
 
 def require_valid(design: SensorDesign) -> tuple[Finding, ...]:

@@ -271,31 +271,6 @@ def _piece_findings(draft: Draft) -> Iterator[Finding]:
         )
 
 
-def reach_notes(draft: Draft) -> Iterator[Finding]:
-    """Note about a flat top below the rim, which a flat object larger than the opening cannot touch."""
-    outline = draft.outline
-    above_mm = outline.highest_mm - outline.fill_mm
-    if is_cast_under_lid(outline.plan) or outline.ledge_mm or above_mm <= ROUNDING_MM:
-        return
-    half_mm = min(outline.length_mm, outline.width_mm) / 2 + outline.mouth_out_mm
-    flattest_mm = (half_mm**2 + above_mm**2) / (2.0 * above_mm)
-    bodies_mm = max((one.part.body_top_mm for one in outline.sockets), default=0.0) - outline.fill_mm
-    is_by_body = bodies_mm > ROUNDING_MM
-    yield note(
-        "mold.rim_mm",
-        "the pad is below the rim of the mold: a flat object larger than the opening never touches the pad",
-        value=f"{mm(above_mm)} below; an object touches if its radius of curvature is below {flattest_mm:.0f} mm",
-        limit="0.00 mm for flat objects",
-        way_out=(
-            f"use components whose bodies end below the surface (now up to {mm(bodies_mm)} above it), then set "
-            "mold.rim_mm = 0"
-            if is_by_body
-            else "set mold.rim_mm = 0 and pour to the brim (no pour gauge then)"
-        )
-        + "; a fingertip or a tip smaller than the opening needs neither",
-    )
-
-
 def housing_notes(draft: Draft) -> Iterator[Finding]:
     """Note about LEDs of the user's own, if a flat packaged pair would have a much smaller housing.
 

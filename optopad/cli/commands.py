@@ -31,6 +31,7 @@ GROUPS: dict[str, dict[str, str]] = {
     },
     "Physics": {
         "score": "Report the deadbands, the usable depth and the resolution.",
+        "press": "Compute the signals and the force of any object.",
         "simulate": "Compute the signals of presses, or a whole data set.",
         "sweep": "Score a design at several values of one field.",
         "compare": "Compare designs, or a measured press with the simulation.",

@@ -25,6 +25,7 @@ from optopad.report.sections.drawings import PREFIX, Drawing, tolerance_drawings
 from optopad.report.sections.early import EarlyDrawings, early_drawings
 from optopad.report.sections.load import Sheets, build_section, force_section, sheets_of
 from optopad.report.sections.maps import map_section
+from optopad.report.sections.objects import objects_drawing, objects_of, objects_section
 from optopad.report.sections.rays import rays_section
 from optopad.report.sections.sensor import Pictures, checks_section, pictures_of, sensor_section
 from optopad.report.sections.signals import (
@@ -49,6 +50,7 @@ TITLES = {
     "matters": "Sensitivity",
     "tolerance": "Tolerance",
     "force": "Load",
+    "objects": "Objects",
     "build": "Build",
     "mold": "Checks",
     "warnings": "Warnings",
@@ -73,6 +75,7 @@ class Found:
     light : the light paths for the 3D view, or a text that says why there are none; None if there is no verdict
     sheet : the picture of these paths for print; None if there are none
     maps : maps of the pad by depth; None if the score has no map
+    objects : what the pad sees of objects; None if this was not computed
     """
 
     checks: dict[str, Any]
@@ -84,6 +87,7 @@ class Found:
     light: RayScene | str | None
     sheet: Drawing | None
     maps: MapScene | None
+    objects: dict[str, Any] | None = None
 
 
 Drawn = tuple[EarlyDrawings, dict[str, Drawing]]
@@ -108,7 +112,9 @@ def write_report(
     drawn : early drawings and those of the tolerance for this score; if None, they are made now
     """
     early, late = drawn or (early_drawings(design, score, seed=seed), tolerance_drawings(score))
-    drawings = early.drawings | late
+    drawings, objects = early.drawings | late, objects_of(folder)
+    if objects is not None:
+        drawings["objects"] = objects_drawing(design, objects)
     _write_drawings(folder / "sims", drawings)
     found = Found(
         checks=checks,
@@ -120,6 +126,7 @@ def write_report(
         light=early.light,
         sheet=early.sheet,
         maps=early.maps,
+        objects=objects,
     )
     page = report_html(design, score, found, versions(), seed=seed)
     write_text_atomically(folder / PAGE, page)
@@ -178,4 +185,5 @@ def _light_sections(design: SensorDesign, score: ContinuityScore, found: Found) 
         "matters": matters_section(score, drawings),
         "tolerance": tolerance_section(score, drawings),
         "force": force_section(design, score, drawings),
+        "objects": objects_section(found.objects, drawings),
     }

@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 STAGE_TITLES = {
     "kernels": "compiling the light kernels, once on this machine: half a minute or more",
     "contact": "contact (MuJoCo)",
+    "objects": "contact of the objects",
+    "light of objects": "light under the objects",
+    "ball": "light under the ball around each location",
     "pairs": "light, pair by pair",
     "light": "light",
     "loose walls": "light, walls torn loose",

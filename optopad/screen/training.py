@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from optopad.design.spec import SensorDesign
-from optopad.screen.answer import Result
+from optopad.screen.answer import Result, counted
 from optopad.sims.learning.inference.header import ModelHeader
 
 if TYPE_CHECKING:
@@ -28,13 +28,8 @@ def signal_lines(summary: dict[str, Any]) -> Iterator[str]:
 
 
 def data_lines(summary: dict[str, Any]) -> list[str]:
-    """Text that summarises the data set, in a few lines."""
-    protocol = summary["protocol"]
-    lines = [
-        f"protocol  {protocol['name']}: {protocol['points_per_press']} points a press, "
-        f"{protocol['touched_per_press']} of them at 0 mm or deeper; {summary['samples']} samples, "
-        f"{protocol['hours']:.1f} h on a stage"
-    ]
+    """Text that summarises the data set of a protocol or of a list of presses, in a few lines."""
+    lines = [_protocol_line(summary) if "protocol" in summary else _list_line(summary)]
     lines += [
         f"set       {one['name']:<20} {one['role']:<6} {one['pattern']:<7} "
         f"{'ambient' if one['is_ambient'] else 'dark':<8} {one['presses']} presses"
@@ -44,7 +39,27 @@ def data_lines(summary: dict[str, Any]) -> list[str]:
         lines.append(f"reused    {summary['taken_up_presses']} presses of an interrupted run")
     if summary["clipped"]:
         lines.append(f"warning   {summary['clipped']}")
+    lines += [f"note      {text}" for text in summary.get("notes", ())]
     return [*lines, f"file      {summary['file']}"]
+
+
+def _protocol_line(summary: dict[str, Any]) -> str:
+    protocol = summary["protocol"]
+    return (
+        f"protocol  {protocol['name']}: {protocol['points_per_press']} points a press, "
+        f"{protocol['touched_per_press']} of them at 0 mm or deeper; {summary['samples']} samples, "
+        f"{protocol['hours']:.1f} h on a stage"
+    )
+
+
+def _list_line(summary: dict[str, Any]) -> str:
+    depths, forces, objects = summary["depth_mm"], summary["force_n"], summary["objects"]
+    named = objects[0] if len(objects) == 1 else f"{len(objects)} different objects"
+    presses = counted(summary["presses"], "press", "presses")
+    return (
+        f"list      {presses} by {named}, {min(depths):.2f} to {max(depths):.2f} mm deep, {min(forces):.2f} to "
+        f"{max(forces):.2f} N; {summary['samples']} samples"
+    )
 
 
 SHOWN = {

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
+from typing import Any
 
 from optopad.bundle_parts import ANSWER, answer_parts, scored, write_pages
 from optopad.cli.verb import Asked, verb
 from optopad.design.errors import InputError
+from optopad.design.io import write_text_atomically
 from optopad.design.pad import Pad
 from optopad.design.progress import OnStep
 from optopad.design.spec import SensorDesign
 from optopad.fabrication.bundle import bundle, bundle_name, current_files
 from optopad.screen.answer import Answer, labelled, learner_words
+from optopad.screen.held import object_lines
 from optopad.screen.output import Told, foretell_score
 from optopad.screen.score import Score
 from optopad.sims.score import scoring
 from optopad.sims.score.build_tolerance import DEFAULT_BUILDS
+from optopad.sims.score.objects import OBJECTS, require_objects, score_objects
 from optopad.sims.score.result import ContinuityScore
 from optopad.sims.verdict.builds import FEWEST_BUILDS, MOST_BUILDS
 from optopad.work import OUT, FinishedWork, beside
@@ -53,6 +58,7 @@ def score_command(
     fine: bool = False,
     tolerance: bool = False,
     builds: int | None = None,
+    objects: bool = False,
     out: Path = Path(OUT),
     seed: int = 0,
     details: bool = False,
@@ -67,18 +73,24 @@ def score_command(
     full : A map of 11 locations per side with steps of 0.1 mm, with the usual light.
     tolerance : Also run a Monte Carlo over all tolerances and report how many units keep the verdict.
     builds : Units of the Monte Carlo of --tolerance (200 if left out).
+    objects : Also report what the pad tells of a cylinder, an edge, a face and a corner beside the ball.
     """
     drawn = _drawn_builds(tolerance, builds)
     pad = Pad.of(design)
     foretell_score(pad, fine=fine, full=full, quiet=as_json)
-    found, folder = _written(pad, out, fine=fine, full=full, seed=seed, on_step=on_step, builds=drawn)
+    if objects:
+        require_objects(pad)
+    found, folder, of_objects = _written(
+        pad, out, fine=fine, full=full, seed=seed, on_step=on_step, builds=drawn, objects=objects
+    )
     answer, files = Answer.read(folder / ANSWER), labelled("files", str(folder))
+    files_too = [*([] if of_objects is None else object_lines(of_objects)), files]
     if details:
-        lines = [*answer.details, labelled("size", answer.size), files]
+        lines = [*answer.details, labelled("size", answer.size), *files_too]
     else:
         learner = learner_words(folder, design.digest)
-        lines = answer.lines([files], command=asked.words, learner=learner)
-    return Told(found.to_json(), lines)
+        lines = answer.lines(files_too, command=asked.words, learner=learner)
+    return Told(found.to_json() | ({} if of_objects is None else {"objects": of_objects}), lines)
 
 
 def _drawn_builds(tolerance: bool, builds: int | None) -> int | None:
@@ -101,8 +113,9 @@ def _written(
     on_step: OnStep,
     full: bool = False,
     builds: int | None = None,
-) -> tuple[ContinuityScore, Path]:
-    """Write verdict, map and the map's signals into the bundle; the score and the bundle's folder."""
+    objects: bool = False,
+) -> tuple[ContinuityScore, Path, dict[str, Any] | None]:
+    """Write verdict, map and the map's signals into the bundle; the score, the bundle's folder, and what of objects."""
     design, name = pad.design, bundle_name(pad.design)
     has_page = (out / name / "report.html").exists()  # a bundle has one verdict: its page is made anew
     contact, answer = answer_parts(design, seed, fine=fine, full=full, builds=builds, has_page=has_page)
@@ -125,8 +138,20 @@ def _written(
             memo=memo,
         )
         drawn()
+        of_objects = _of_objects(pad, folder, score, seed, on_step) if objects else None
         if has_page:
             write_pages(design, folder, score, seed, drawer)
     if memo is not None:
         memo.forget()
-    return score, out / name
+    return score, out / name, of_objects
+
+
+def _of_objects(
+    pad: Pad, folder: Path, score: ContinuityScore, seed: int, on_step: OnStep
+) -> dict[str, Any] | None:
+    """Compute and write what the pad tells of objects; None if the models give no verdict on the design."""
+    if score.readout is None:
+        return None
+    found = score_objects(pad, seed=seed, on_step=on_step).to_json()
+    write_text_atomically(folder / "sims" / OBJECTS, json.dumps(found, indent=2) + "\n")
+    return found

@@ -18,7 +18,7 @@ import json
 import os
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from types import TracebackType
@@ -40,6 +40,8 @@ CHUNK_SAMPLES = 2048
 """Number of samples per compressed chunk of the netCDF file: 0.6 MB for 8 emitters and 8 receivers."""
 JOURNAL_VERSION = 1
 
+ByPress = Mapping[str, Sequence[str] | Sequence[float]]
+
 
 class DataWriter:
     """Writes presses to a journal that survives a kill, and makes ``file`` from it at the end.
@@ -51,6 +53,8 @@ class DataWriter:
     asked : plain data that identify the data set, such as protocol, seed and versions; a journal is continued only if
         its own are equal
     journal_folder : folder of the journal; by default that of the file
+    by_press : variables (press,) of texts or numbers to add to the netCDF file, by name; the number of a press in its
+        set is the index
 
     Raises
     ------
@@ -59,9 +63,15 @@ class DataWriter:
     """
 
     def __init__(
-        self, file: Path, header: PressData, *, asked: Any = None, journal_folder: Path | None = None
+        self,
+        file: Path,
+        header: PressData,
+        *,
+        asked: Any = None,
+        journal_folder: Path | None = None,
+        by_press: ByPress | None = None,
     ) -> None:
-        self.file, self._header = file, header
+        self.file, self._header, self._by_press = file, header, by_press or {}
         self._type = _sample_type(header)
         self._line = _header_line(header, asked)
         name = hashlib.sha256(self._line).hexdigest()[:16]
@@ -125,7 +135,7 @@ class DataWriter:
         ------
         OutputError : the disk cannot be written.
         """
-        _write_whole(self.file, self._header, (rows for rows, _ in self._records()))
+        _write_whole(self.file, self._header, (rows for rows, _ in self._records()), self._by_press)
 
     def forget(self) -> None:
         """Remove the journal; call this after the file is at its final path."""
@@ -191,7 +201,7 @@ def save_data(data: PressData, file: Path) -> Path:
     OutputError : the folder cannot be written.
     """
     header = header_of(data)
-    return _write_whole(file, header, iter([_rows_of(data, _sample_type(header))]))
+    return _write_whole(file, header, iter([_rows_of(data, _sample_type(header))]), {})
 
 
 def header_of(data: PressData) -> PressData:
@@ -237,13 +247,15 @@ def _header_line(header: PressData, asked: Any) -> bytes:
     return json.dumps(document, sort_keys=True).encode() + b"\n"
 
 
-def _write_whole(file: Path, header: PressData, parts: Iterator[NDArray[np.void]]) -> Path:
+def _write_whole(file: Path, header: PressData, parts: Iterator[NDArray[np.void]], by_press: ByPress) -> Path:
     with whole_file(file) as hidden:
-        _write_netcdf(hidden, header, parts)
+        _write_netcdf(hidden, header, parts, by_press)
     return file
 
 
-def _write_netcdf(file: Path, header: PressData, parts: Iterator[NDArray[np.void]]) -> None:
+def _write_netcdf(
+    file: Path, header: PressData, parts: Iterator[NDArray[np.void]], by_press: ByPress
+) -> None:
     """Write presses one after another into one netCDF file; memory holds one press at a time.
 
     The length of the time axis is unlimited.
@@ -257,6 +269,12 @@ def _write_netcdf(file: Path, header: PressData, parts: Iterator[NDArray[np.void
         }  # fmt: skip
         for name, values in (("state", header.state_names), ("receiver", header.receiver_names)):
             out.create_variable(name, (name,), dtype=_text(), data=np.array(values, dtype=object))
+        for name, along in by_press.items():
+            if "press" not in out.dimensions:
+                out.dimensions["press"] = len(along)
+            is_text = isinstance(along[0], str)
+            listed = np.array(along, dtype=object if is_text else np.float64)
+            out.create_variable(name, ("press",), dtype=_text() if is_text else "f8", data=listed)
         for name, (_, _, kind, attributes) in columns.items():
             axes = ("time", "state", "receiver") if name == "counts" else ("time",)
             chunks = (CHUNK_SAMPLES, *(out.dimensions[axis].size for axis in axes[1:]))

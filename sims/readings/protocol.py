@@ -11,7 +11,7 @@ light do not depend on it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,7 +22,7 @@ from optopad.design.draft import Draft
 from optopad.design.errors import InputError
 from optopad.design.press_protocol import PressProtocol
 from optopad.design.progress import OnStep
-from optopad.design.recordings import OFF
+from optopad.design.recordings import OFF, SetEntry
 from optopad.design.shape.cavity import cavity_of, judged_pairs, mask_of
 from optopad.design.spec import SensorDesign
 from optopad.sims.optics.accuracy import Accuracy
@@ -171,7 +171,27 @@ def drawn_presses(
 
 def data_header(curves: ProtocolCurves, chain: SignalChain, seed: int) -> PressData:
     """Data without samples, with all information that samples share: names, sets, digest, protocol, signal chain."""
-    cavity = cavity_of(curves.design)
+    protocol = curves.protocol
+    return header_for(
+        curves.design,
+        chain,
+        tuple(one.info for one in protocol.sets),
+        {
+            "protocol": protocol.model_dump(mode="json"),
+            "points_per_press": len(protocol.depth_mm),
+            "touched_per_press": int((protocol.depth_mm >= 0.0).sum()),
+            "counts_per_flux": list(curves.readout.of_each(chain.gains.shape[1])),
+            "knots_mm": curves.curves.depth_mm.tolist(),
+            "seed": seed,
+        },
+    )
+
+
+def header_for(
+    design: SensorDesign, chain: SignalChain, sets: tuple[SetEntry, ...], attributes: Mapping[str, Any]
+) -> PressData:
+    """Data of a simulated design without samples; `attributes` are added to those that every simulation has."""
+    cavity = cavity_of(design)
     states = (*(one.name for one in cavity.emitters), OFF)
     receivers = tuple(one.name for one in cavity.receivers)
     return PressData(
@@ -180,12 +200,16 @@ def data_header(curves: ProtocolCurves, chain: SignalChain, seed: int) -> PressD
         time_s=np.zeros(0),
         set_number=np.zeros(0, dtype=np.int64),
         place_number=np.zeros(0, dtype=np.int64),
-        sets=tuple(one.info for one in curves.protocol.sets),
+        sets=sets,
         state_names=states,
         receiver_names=receivers,
         full_scale_counts=chain.full_scale_counts,
-        design_digest=curves.design.digest,
-        attributes=_attributes(curves, chain, seed),
+        design_digest=design.digest,
+        attributes={
+            "design": design.name,
+            "noise": {name: getattr(chain.noise, name) for name in type(chain.noise).model_fields},
+            **attributes,
+        },
         true_press_mm=np.zeros((0, 3)),
     )
 
@@ -294,17 +318,3 @@ def _traced(
             on_step(stage, done / total)
 
     return traced_curves(design, places_mm, depth_mm=knots, accuracy=accuracy, seed=seed, on_step=told)
-
-
-def _attributes(curves: ProtocolCurves, chain: SignalChain, seed: int) -> dict[str, Any]:
-    protocol = curves.protocol
-    return {
-        "design": curves.design.name,
-        "protocol": protocol.model_dump(mode="json"),
-        "points_per_press": len(protocol.depth_mm),
-        "touched_per_press": int((protocol.depth_mm >= 0.0).sum()),
-        "noise": {name: getattr(chain.noise, name) for name in type(chain.noise).model_fields},
-        "counts_per_flux": list(curves.readout.of_each(chain.gains.shape[1])),
-        "knots_mm": curves.curves.depth_mm.tolist(),
-        "seed": seed,
-    }

@@ -6,6 +6,7 @@ import math
 import re
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -17,6 +18,7 @@ from optopad.design.mold.webs import Clearance, clearances, rim_clearances
 from optopad.design.preset import preset
 from optopad.design.rules.check import check, notes
 from optopad.design.rules.mold import WORDS, web_findings
+from optopad.design.rules.touch import largest_ball_mm
 from optopad.design.spec import SensorDesign
 from tests.design.rules.rule_cases import BENCHMARK, about, and_more, facing, only, single
 from tests.design.spec.spec_fields import good, with_layout
@@ -239,24 +241,71 @@ def test_the_rules_refuse_a_mold_exactly_if_a_clearance_is_not_kept(
     assert sum(1 + places_more(finding) for finding in errors) == len(broken)
 
 
+def radii_of(found: Finding) -> list[float]:
+    return [float(text) for text in re.findall(r"up to (?:a radius of )?([0-9.]+) mm", found.value)]
+
+
 def test_a_flat_pad_below_its_rim_is_noted_with_what_never_touches_it():
-    (found,) = notes(preset("piacenza2017-pad"))
+    found, fit = notes(preset("piacenza2017-pad"))
     assert (found.severity, found.field) == ("note", "mold.rim_mm")
-    assert "opening never touches" in found.message
+    assert "no flat or straight object that spans the opening touches" in found.message
     assert found.value.startswith("1.50 mm below")
     assert "1.45 mm" in found.way_out
+    assert (fit.severity, fit.field) == ("note", "cavity.length_mm")
 
 
-def test_the_radius_that_still_touches_is_a_sphere_s_over_the_opening():
-    (found,) = notes(preset("piacenza2017-pad"))
-    radius = float(found.value.split("below ")[-1].split(" mm")[0])
+def test_the_radii_that_touch_and_press_are_those_of_balls_on_the_opening():
+    pad = preset("piacenza2017-pad")
+    touching, pressing = radii_of(notes(pad)[0])
     half = 16.0 + 1.5  # the lip opens the rim
-    assert radius - (radius**2 - half**2) ** 0.5 == pytest.approx(1.5, abs=0.02)
+    for radius, sunk in ((touching, 1.5), (pressing, 1.5 + pad.operating.max_depth_mm)):
+        assert radius - (radius**2 - half**2) ** 0.5 == pytest.approx(sunk, abs=0.03)
 
 
-def test_a_flush_pad_has_no_note():
-    flush = preset("fingertip-16").with_(**{"mold.rim_mm": 0.0})
-    assert notes(flush) == ()
-    (sunk,) = notes(preset("fingertip-16"))
+@pytest.mark.parametrize(
+    ("name", "rim"), [("piacenza2017-pad", 1.5), ("fingertip-16", 4.0), ("gripper-stadium", 9.0)]
+)
+def test_the_largest_ball_is_clear_of_the_mold_and_a_larger_one_is_not(name: str, rim: float):
+    """The mold's section: wall, lip and rim; a ball at depth 1 mm is outside of it."""
+    outline = Draft(preset(name).with_(**{"mold.rim_mm": rim})).outline
+    half, lip, above = (
+        min(outline.length_mm, outline.width_mm) / 2,
+        outline.lip_mm,
+        outline.highest_mm - outline.fill_mm,
+    )
+    steps = np.linspace(0.0, 1.0, 500)
+    x = np.concatenate([np.full(500, half), half + lip * steps])
+    z = np.concatenate([(above - lip) * steps, above - lip + lip * steps])
+    room = {
+        share: float((np.hypot(x, z + 1.0 - share * radius) - share * radius).min())
+        for radius in [largest_ball_mm(outline, 1.0)]
+        for share in (0.999, 1.001)
+    }
+    assert room[0.999] >= 0.0 > room[1.001]
+
+
+def test_a_flush_pad_is_touched_but_not_pressed_by_flat_objects():
+    flush, _ = notes(preset("fingertip-16").with_(**{"mold.rim_mm": 0.0}))
+    assert "cannot press" in flush.message
+    assert "crown" in flush.way_out
+    sunk, _ = notes(preset("fingertip-16"))
     assert "set mold.rim_mm = 0" in sunk.way_out
-    assert notes(preset("fingertip-dome")) == ()  # proud of its rim
+
+
+def test_a_crown_is_pressed_by_flat_objects_until_they_meet_the_rim():
+    dome = preset("fingertip-dome")
+    assert notes(dome) == ()  # prouder of its rim than the deepest press
+    (low,) = notes(dome.with_(**{"mold.rim_mm": 1.0}))
+    proud = float(low.value.split(" mm")[0])
+    outline = Draft(dome).outline
+    assert proud == pytest.approx(outline.plan.clear_mm - outline.fill_mm - 1.0, abs=0.01)
+    (straight,) = notes(preset("crowned-40x25"))
+    assert "cannot press" in straight.message
+    assert "both ends of x" in straight.value
+
+
+def test_the_flat_face_that_fits_is_away_from_the_walls():
+    """At 0.15 of both layers, which the model of pressed objects needs (tests/sims/contact/held)."""
+    teensy, stadium = (notes(preset(name))[1].value for name in ("gripper-teensy", "gripper-stadium"))
+    assert teensy.startswith("flat faces to 28.2 x 20.2 mm, cylinders to 28.2 mm long")
+    assert stadium.startswith("flat faces to 12.2 mm across, cylinders to 10.0 mm long")

@@ -51,7 +51,7 @@ from optopad.sims.optics.surface.curves import (
 )
 from optopad.sims.press import GridTop
 
-TURN = 0.1
+TURN = 0.2
 """Largest change of the top's slope within a cell that is not divided [-]."""
 DIVISIONS = 3
 EVEN = 1e-6

@@ -1,0 +1,194 @@
+"""A press by objects, for the terminal and for JSON: force, contact, and the pairs that change."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from optopad.design.arrays import FloatArray
+from optopad.design.draft import Draft
+from optopad.design.fields.quantity import Quantity
+from optopad.design.shape.cavity import pair_name
+from optopad.screen.answer import Result, labelled
+from optopad.sims.contact.force_curve import band_factors
+from optopad.sims.contact.held.press import HeldPress
+from optopad.sims.held import AskedPress, HeldLight
+from optopad.sims.verdict.depth_curve import DEADBAND_THRESHOLD
+
+SHOWN_PAIRS = 3
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class HeldView(Result):
+    """A press by objects: contact and signals.
+
+    Attributes
+    ----------
+    draft : the design
+    asked : the press as requested
+    press : its contact
+    light : its light
+    young : Young's modulus of the elastomer [MPa]
+    files : files that were written
+    """
+
+    draft: Draft
+    asked: AskedPress
+    press: HeldPress
+    light: HeldLight
+    young: Quantity
+    files: tuple[Path, ...] = ()
+
+    @property
+    def words(self) -> str:
+        """What presses, where and how deep."""
+        x, y = self.asked.at_mm
+        things = " and ".join(one.words for one in self.asked.held)
+        return f"{things}, {self.press.depth_mm:.3g} mm deep at {x:g}, {y:g} mm"
+
+    @cached_property
+    def changes(self) -> FloatArray:
+        """(emitter, receiver) change of each reading [noise units]."""
+        return np.asarray(self.light.changes[0])
+
+    @property
+    def ratios(self) -> FloatArray:
+        """(emitter, receiver) light over untouched light [-]."""
+        whole = np.where(self.light.untouched > 0.0, self.light.untouched, np.inf)
+        return np.asarray(np.where(self.light.untouched > 0.0, self.light.flux[0] / whole, 1.0))
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Notes about the objects and the contact."""
+        return tuple(
+            dict.fromkeys((*(note for one in self.asked.held for note in one.notes), *self.press.notes))
+        )
+
+    def lines(self) -> list[str]:
+        """The press, the most important first."""
+        press, (low, high) = self.press, band_factors(self.young)
+        force = press.force_n
+        band = "" if low == high else f" ({low * force:.3g} to {high * force:.3g} N over the modulus's band)"
+        changed = np.abs(self.changes) >= DEADBAND_THRESHOLD
+        highest = 1000.0 * float(press.top.height_mm.max())
+        lines = [
+            labelled("press", self.words),
+            labelled("load", f"{force:.3g} N{band}"),
+            labelled(
+                "contact",
+                f"{press.area_mm2:.3g} mm2; largest pressure {press.pressure_mpa.max():.2g} MPa; the top rises by up "
+                f"to {highest:.0f} um beside it",
+            ),
+            labelled(
+                "signals",
+                f"{int(changed.sum())} of {changed.size} pairs change by {DEADBAND_THRESHOLD:g} sigma or more; all "
+                f"together {np.linalg.norm(self.changes):.0f} sigma",
+            ),
+        ]
+        order = np.argsort(-np.abs(self.changes), axis=None)[:SHOWN_PAIRS]
+        for k, number in enumerate(order):
+            e, r = (int(one) for one in np.unravel_index(number, changed.shape))
+            if changed[e, r]:
+                name = pair_name(self.draft.cavity, (e, r))
+                words = f"{name}: {100.0 * (self.ratios[e, r] - 1.0):+.1f} %, {self.changes[e, r]:+.0f} sigma"
+                lines.append(labelled("most" if k == 0 else "", words))
+        return lines + [labelled("note", note) for note in self.notes]
+
+    def screen(self) -> list[str]:
+        """The press, and its pictures."""
+        return [
+            *self.lines(),
+            *([labelled("files", f"{self.files[0].with_suffix('')}.*")] if self.files else []),
+        ]
+
+    def to_json(self) -> dict[str, Any]:
+        """The press as plain data for JSON."""
+        press, light, design = self.press, self.light, self.draft.design
+        low, high = band_factors(self.young)
+        cavity = self.draft.cavity
+        return {
+            "name": design.name,
+            "digest": design.digest,
+            "objects": [one.model_dump(mode="json", exclude_none=True) for one in self.asked.held],
+            "at_mm": list(self.asked.at_mm),
+            "depth_mm": press.depth_mm,
+            "force_n": press.force_n,
+            "force_band_n": None if low == high else [low * press.force_n, high * press.force_n],
+            "area_mm2": press.area_mm2,
+            "largest_pressure_mpa": float(press.pressure_mpa.max()),
+            "largest_rise_mm": float(press.top.height_mm.max()),
+            "emitters": [part.name for part in cavity.emitters],
+            "receivers": [part.name for part in cavity.receivers],
+            "untouched_counts": light.readout.counts(light.untouched).tolist(),
+            "counts": light.readout.counts(light.flux[0]).tolist(),
+            "ratio": self.ratios.tolist(),
+            "change_sigma": self.changes.tolist(),
+            "ratio_error": (
+                light.error[0] / np.where(light.untouched > 0.0, light.untouched, np.inf)
+            ).tolist(),
+            "notes": list(self.notes),
+            "files": [str(file) for file in self.files],
+        }
+
+
+def object_lines(found: dict[str, Any]) -> list[str]:
+    """What a pad tells of objects, from the data of `ObjectScore.to_json`; the most important first."""
+    names, count = list(found["objects"]), len(found["places_mm"])
+    sentences = object_sentences(found)
+    return [
+        labelled(
+            "objects",
+            f"{', '.join(names[:-1])} and {names[-1]}, of the tip's size, at {found['force_n']:.2g} N each and {count} "
+            "locations",
+        ),
+        *(labelled(label, sentence) for label, sentence in sentences),
+    ]
+
+
+def object_sentences(found: dict[str, Any]) -> list[tuple[str, str]]:
+    """Sentences about what a pad tells of objects, each with its label."""
+    apart = np.array(found["apart_sigma"]).min(axis=0)
+    names = list(found["objects"])
+    pairs = sorted((float(apart[a, b]), names[a], names[b]) for a in range(len(names)) for b in range(a))
+    alike = [
+        f"{one} and {other} ({sigma:.1f} sigma)" for sigma, one, other in pairs if sigma < DEADBAND_THRESHOLD
+    ]
+    sigma, one, other = pairs[0]
+    told = (
+        f"not {' and not '.join(alike)}: less than {DEADBAND_THRESHOLD:g} sigma, location, depth and turn unknown"
+        if alike
+        else f"all, location, depth and turn unknown; the closest, {one} and {other}, by {sigma:.0f} sigma"
+    )
+    lines = [
+        ("told apart", told),
+        ("an edge", f"its turn is known to {_span(found['edge_turn_deg'], 'deg')} from one frame"),
+        (
+            "a cylinder",
+            f"its radius of {found['radius_of_tip_mm']:g} mm is known to {_span(found['cylinder_radius_mm'], 'mm')} "
+            "from one frame",
+        ),
+    ]
+    for name in ("edge", "cylinder"):
+        one_as = found["as_ball"][name]
+        least = " or more" if any(one_as["is_beyond"]) else ""
+        words = (
+            f"a map of the ball reports {'an' if name == 'edge' else 'a'} {name} up to {max(one_as['moved_mm']):.1f} "
+            f"mm{least} beside, and {min(one_as['deeper_mm']):+.1f} to {max(one_as['deeper_mm']):+.1f} mm deeper"
+        )
+        lines.append(("taken as ball" if name == "edge" else "", words))
+    return lines
+
+
+def _span(values: list[float | None], unit: str) -> str:
+    """A range of values in words; None is not resolved."""
+    known = [one for one in values if one is not None]
+    if not known:
+        return "no value: not resolved"
+    words = f"{min(known):.2g}" if len(known) == 1 else f"{min(known):.2g} to {max(known):.2g}"
+    return f"{words} {unit}" + (
+        "" if len(known) == len(values) else f", and not resolved at {len(values) - len(known)}"
+    )
