@@ -188,7 +188,7 @@ def held_top(design: SensorDesign, top: GridTop) -> tuple[FloatArray, IntArray]:
     plan, outline = cavity_of(design).plan, outline_mm(cavity_of(design).plan)
     angles = _angles(outline, top.at_mm, GRID_SPOKES)
     reach = _reach(outline, top.at_mm, angles)
-    radii = np.linspace(0.0, float(reach.max()), GRID_RINGS)
+    radii = float(reach.max()) * np.linspace(0.0, 1.0, GRID_RINGS) ** 1.5
     at = np.minimum(radii[:, None], reach)
     x = np.clip(top.at_mm[0] + at * np.cos(angles), 0.0, plan.length_mm)
     y = np.clip(top.at_mm[1] + at * np.sin(angles), 0.0, plan.width_mm)

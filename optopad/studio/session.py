@@ -219,7 +219,7 @@ class Session:
         """
         with self._lock:
             try:
-                held = held_of(text) if text.strip() else None
+                held = held_of(text.strip()) if text.strip() else None
             except OptopadError as err:
                 self._say(f"not taken: {err}", is_bad=True)
                 return False

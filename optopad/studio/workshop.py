@@ -3,10 +3,14 @@
     pairs under the tip ──► pressed top ──► rays ──► draft map ──► draft bounds ──► score ──► tolerance, sensitivity
                                                                                         ──► the same pairs, finely
 
+An object that presses in place of the tip has a pressed top and the readings of all pairs; verdict, map and score are
+always those of the tip.
+
 A request is a design, a press, and options. A new design stops the running work. Only the computation of the pressed
-top or of the pairs under the tip is finished, since it takes only a moment and keeps dragging smooth. A new press does
-not stop a running score: the new top and pairs are computed between two portions of the score's light
-(`optopad.sims.optics.engine.threads.between_pieces`). Traced light is stored on disk, so stopped work is not lost.
+top, of the pairs under the tip, or of the readings under an object is finished, since it takes only a moment and keeps
+dragging smooth. A new press does not stop a running score: its results are computed between two portions of the score's
+light (`optopad.sims.optics.engine.threads.between_pieces`). Traced light is stored on disk, so stopped work is not
+lost.
 Each kind of result has a class, and each result the digest of its design.
 """
 
@@ -158,8 +162,8 @@ class Request:
     Attributes
     ----------
     design, press : a design without errors, and the press
-    with_rays : whether to compute sample rays
-    with_readings : whether to compute readings of a manufactured sensor
+    with_rays : whether to compute sample rays under the tip
+    with_readings : whether to compute readings of a manufactured sensor; those under an object always are
     is_thorough : whether to compute the full score after the drafts
     """
 

@@ -359,6 +359,7 @@ class Controls:
         self._signature: dict[str, tuple[Any, ...]] = {}
         self._typing: set[str] = set()
         self._shown_held: HeldObject | None = None
+        self._held_of_line: HeldObject | None = None
         self._add_file(session.file.default_name)
         self._add_press()
         for group in GROUPS:
@@ -466,7 +467,7 @@ class Controls:
                 name: self._angle_slider(name, turn if name == "yaw" else "")
                 for name in ("yaw", "pitch", "roll")
             }
-            self._rays = gui.add_checkbox(
+            self._rays: Any = gui.add_checkbox(
                 "sample rays", False, hint="Paths of the nearest pairs' light, by kind."
             )
             self._rays.on_update(lambda _event: self._redraw())
@@ -516,17 +517,25 @@ class Controls:
 
     def _type_object(self, event: Any) -> None:
         if event.client is not None:
-            self._later("object", lambda: self._session.hold(str(self._line.value)), TYPED_S)
+            self._later("object", self._take_line, TYPED_S)
+
+    def _take_line(self) -> None:
+        """Press by the object of the line, which stays as typed; an empty line is being typed."""
+        if str(self._line.value).strip() and self._session.hold(str(self._line.value)):
+            self._held_of_line = self._session.press.held
 
     def _follow_object(self) -> None:
-        """Show the object that presses; a line that was rejected is not changed until there is another object."""
+        """Show the object that presses; a line that was rejected is kept until there is another object."""
         held = self._session.press.held
         if held == self._shown_held:
             return
         self._shown_held = held
-        self._line.value, self._line.visible = "" if held is None else held.line, held is not None
+        self._line.visible = held is not None
+        if held is not None and held != self._held_of_line:
+            self._line.value, self._held_of_line = held.line, held
         kind = OWN_TIP if held is None else f"{held.kind} {getattr(held, 'pose', '')}".strip()
         self._pressed_by.value = kind
+        self._rays.visible = held is None  # they are traced under the tip alone
         for name, slider in self._angles.items():
             slider.visible = held is not None
             slider.value = 0.0 if held is None else math.remainder(getattr(held, name), 360.0)

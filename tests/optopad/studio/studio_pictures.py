@@ -37,7 +37,12 @@ def _shown(changes: list[str], out: Path, *, is_built: bool = False) -> Iterator
 
 
 def draw(out: Path) -> None:
-    """Draw both."""
+    """Draw all."""
+    with _shown([], out) as (page, browser):
+        page.session.hold("cylinder,yaw=30,x=12,depth=1.5")
+        browser.wait_for_text("Under a cylinder", 300)
+        browser.settle()
+        browser.screenshot(IMAGES / "studio-object.png")
     with _shown(["cavity.clear_thickness_mm=11"], out) as (page, browser):
         page.session.move_tip(depth_mm=3.0)
         browser.click_text("sample rays")

@@ -207,7 +207,9 @@ def test_a_top_under_an_object_has_the_grid_s_heights_along_the_normal(
     origin, axes = plan.top.press_frame(*place)
     along = (points - origin) @ axes.T
     start = points - dent(*along[:, :2].T)[:, None] * axes[2]
-    assert np.allclose(start[:, 2], pad_mesh.top_mm(plan, *start[:, :2].T), atol=1e-3)
+    between_nodes = (0.1 + 0.05) / 8 * (x[1] - x[0]) ** 2  # from the dent's curvatures
+    away = (start[:, 2] - pad_mesh.top_mm(plan, *start[:, :2].T)) * plan.top.normal(*start[:, :2].T)[:, 2]
+    assert np.abs(away).max() <= between_nodes + 1e-6
     assert (areas_mm2(points, triangles) > -1e-6).all()
     assert areas_mm2(points, triangles).sum() == pytest.approx(
         areas_mm2(*untouched_top(plan)).sum(), rel=1e-3

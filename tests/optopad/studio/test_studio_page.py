@@ -18,7 +18,7 @@ from optopad.studio.design_file import DesignFile
 from optopad.studio.moves import part_named
 from optopad.studio.session import Session
 from optopad.studio.view.page import Page
-from tests.optopad.studio.chromium import chromium_page, needs_chromium, screen_place
+from tests.optopad.studio.chromium import chromium_page, middle, needs_chromium, screen_place
 
 pytestmark = [needs_chromium, pytest.mark.slow]
 
@@ -134,6 +134,39 @@ def test_a_shaped_pad_is_pressed_by_a_click_and_a_disc_s_part_is_turned_undone_a
             browser.click_text("Save")
             browser.wait_for_text(f"saved: {file}", 10)
             assert file.read_text(encoding="utf-8") == preset_text(name)
+        assert browser.errors == []
+
+
+def test_an_object_is_chosen_dragged_turned_refused_and_taken_away(tmp_path: Path) -> None:
+    with studio(tmp_path) as (page, _), chromium_page(f"{page.url}?fixedDpr=1", 1300, 860) as browser:
+        browser.wait_for_text("Pairs under the tip", 60)
+        browser.settle()
+        browser.close_notes()
+        browser.click_at(*middle(browser.input_box("pressed by")))
+        browser.click_text("cylinder")
+        browser.wait_for_text("Under a cylinder of radius 5 mm", 60)
+        browser.slide("yaw [deg]", 0.75)
+        browser.wait_for_text("turned by", 30)
+        session = page.session
+        assert session.press.held is not None
+        assert session.press.held.yaw == pytest.approx(90.0, abs=10.0)
+
+        camera = next(iter(page.server.get_clients().values())).camera
+        x_mm, y_mm = session.press.place_mm
+        canvas = browser.box("canvas")
+        start, end = (screen_place(camera, (x, y_mm - 4.0, 13.0), canvas) for x in (x_mm, x_mm + 2.0))
+        browser.drag(start, end)
+        browser.wait_for("new Promise((done) => setTimeout(() => done(true), 500))")
+        assert session.press.x_mm - x_mm == pytest.approx(2.0, abs=0.5)
+
+        browser.fill("object", "cylinder,radius=0")
+        browser.wait_for_text("not taken: object 'cylinder,radius=0': radius=0 is refused", 10)
+        browser.fill("object", "box,length=12,width=12,x=6")
+        browser.wait_for_text("they would touch the rim", 30)
+        browser.click_at(*middle(browser.input_box("pressed by")))
+        browser.click_text("own tip")
+        browser.wait_for_text("Pairs under the tip", 30)
+        assert session.press.held is None
         assert browser.errors == []
 
 
