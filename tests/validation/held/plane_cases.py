@@ -73,6 +73,8 @@ PLANE_CASES = {
     "long cylinder, radius 5": PlaneCase(half_width_mm=5.0),
     "long punch, half width 2.5": PlaneCase(half_width_mm=2.5, edge_mm=0.5),
     "long cylinder, radius 5, walls 160 apart": PlaneCase(half_width_mm=5.0, width_mm=160.0),
-    "long punch, half width 2.5, walls 160 apart": PlaneCase(half_width_mm=2.5, edge_mm=0.5, width_mm=160.0),
+    "long punch, half width 2.5, walls 160 apart": PlaneCase(
+        half_width_mm=2.5, edge_mm=0.5, width_mm=160.0, depths_mm=(0.25, 0.5, 1.0, 1.5, 2.0)
+    ),
     "long cylinder, radius 5, Poisson's ratio 0.4999": PlaneCase(half_width_mm=5.0, poisson_ratio=0.4999),
 }

@@ -24,32 +24,27 @@ from tests.validation.held.truth_file import STORED, Row, read_truth, write_trut
 CASES: dict[str, PlaneCase | ObjectCase] = {**PLANE_CASES, **OBJECT_CASES}
 
 
-def solved_rows(case: PlaneCase | ObjectCase) -> Iterator[Row]:
+def solved_presses(case: PlaneCase | ObjectCase) -> Iterator[list[Row]]:
     """Press deeper and deeper on the coarsest mesh; each finer one starts from the coarser one's state."""
     presses = case.presses()
     for depth_mm in case.depths_mm:
         presses[0].advance(depth_mm / case.unit_mm)
         for coarse, fine in pairwise(presses):
             fine.adopt(coarse)
-        yield from case.kept(depth_mm, *(press.state_now() for press in presses[-2:]))
+        yield list(case.kept(depth_mm, *(press.state_now() for press in presses[-2:])))
 
 
 def renew(begins: list[str]) -> None:
-    """Solve the cases whose names begin so, and store each once it is done; what is solved stays if it fails."""
+    """Solve the cases whose names begin so; each press is stored once it is done."""
     for name, case in CASES.items():
         if not name.startswith(tuple(begins)):
             continue
         start, rows = perf_counter(), list[Row]()
-        try:
-            for row in solved_rows(case):
-                rows.append(row)
-                print(f"{perf_counter() - start:6.0f} s  {name}: {row}", flush=True)
-        except (
-            RuntimeError
-        ) as error:  # a press deeper than the solver can follow; the shallower ones are kept
-            print(f"{name}: {error}", flush=True)
-        held = read_truth() if STORED.exists() else {}
-        write_truth({one: (held | {name: rows})[one] for one in CASES if one in held or one == name})
+        for press in solved_presses(case):
+            rows += press
+            print(f"{perf_counter() - start:6.0f} s  {name}: {press[0]}", flush=True)
+            held = (read_truth() if STORED.exists() else {}) | {name: rows}
+            write_truth({one: held[one] for one in CASES if one in held})
 
 
 if __name__ == "__main__":
