@@ -81,7 +81,7 @@ class WidePress:
         axes = [step_mm * np.arange(-round(half / step_mm), round(half / step_mm) + 1) for half in half_mm]
         self.x, self.y = np.meshgrid(*axes, indexing="ij")
         self.thickness_mm, self.step_mm = thickness_mm, step_mm
-        self.layer = WideLayer(thickness_mm, (step_mm, step_mm), self.x.shape)
+        self.layer = WideLayer(thickness_mm, (step_mm, step_mm), self.x.shape).within(self.x.shape)
 
     def pressure(self, bottoms: FloatArray, depth_mm: float) -> FloatArray:
         """(nx, ny) over Young's modulus [-]."""
@@ -144,11 +144,11 @@ def tips_table(folder: Path) -> Iterable[str]:
     lines = {"measured": [measured[tip] for tip in TIPS]}
     best = minimize_scalar(
         lambda log: misfit(float(np.exp(log)), measured),
-        bounds=(np.log(1.5), np.log(60.0)),
+        bounds=(np.log(1.5), np.log(30.0)),
         method="bounded",
         options={"xatol": 0.02},
     )
-    for thickness in (float(np.exp(best.x)), 3.0, 5.0, 9.0, 60.0):
+    for thickness in (float(np.exp(best.x)), 3.0, 5.0, 9.0, 30.0):
         modelled = curves(thickness)
         modulus = fitted(modelled["cylinder d1"], measured["cylinder d1"][1])
         name = f"{thickness:.2g} mm, {modulus:.2f} MPa, {misfit(thickness, measured):.1%} rms"
