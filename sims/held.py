@@ -128,7 +128,8 @@ def require_asked(draft: Draft, asked: AskedPress) -> None:
         raise InputError("--depth: does not go with --force, which decides the depth; drop one")
     if draft.wall_index is not None:
         raise ModelScopeError(
-            "objects: light between smooth walls is traced under a ball alone; remove surfaces.wall_index"
+            "objects: light between smooth walls is traced under the design's tip alone; set surfaces.wall_finish = "
+            "'diffuse'"
         )
     assert asked.reflectance is None or asked.reflectance >= 0.0
     for one in asked.held:
@@ -142,6 +143,7 @@ def require_asked(draft: Draft, asked: AskedPress) -> None:
 
 def pressed(draft: Draft, asked: AskedPress) -> HeldPress:
     """Solve the contact of a press; errors are those of `require_asked` and of `held_press`."""
+    require_asked(draft, asked)
     contact, top = contact_of(draft.design), draft.plan.top
     origin, axes = top.press_frame(*asked.at_mm)
     x_mm, y_mm = grid_of(contact, asked.at_mm)
