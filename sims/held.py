@@ -19,6 +19,7 @@ from optopad.design.arrays import BoolArray, FloatArray
 from optopad.design.draft import Draft
 from optopad.design.errors import InputError, ModelScopeError
 from optopad.design.held_object import HeldObject
+from optopad.design.rules.touch import rim_height_mm
 from optopad.design.shape.cavity import judged_pairs, mask_of
 from optopad.sims.cache import light_store
 from optopad.sims.contact.held.bottoms import bottom_mm
@@ -34,6 +35,8 @@ from optopad.sims.verdict.presses import untouched_flux
 
 Place = tuple[float, float]
 STAGES = ("contact", "light")
+RIM_STEP_MM = 0.5
+"""Distance of the nodes beyond the pad at which objects are compared with the mold's rim."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,38 +147,37 @@ def pressed(draft: Draft, asked: AskedPress) -> HeldPress:
     x_mm, y_mm = grid_of(contact, asked.at_mm)
     turn = math.degrees(math.atan2(axes[0, 1], axes[0, 0]))
     depths = [_depth(one, asked) for one in asked.held]
-    sag_mm = top.in_frame.sag_mm(*np.meshgrid(x_mm, y_mm, indexing="ij"))
-    bottoms = np.full((len(x_mm), len(y_mm)), np.inf)
+    wall_mm = max(draft.outline.wall_x_mm, draft.outline.wall_y_mm) if top.is_flat else 0.0
+    around = RIM_STEP_MM * np.arange(1, math.ceil(wall_mm / RIM_STEP_MM) + 1)
+    pad = tuple(slice(len(around), len(around) + len(one)) for one in (x_mm, y_mm))
+    wide_x, wide_y = (np.concatenate([one[0] - around[::-1], one, one[-1] + around]) for one in (x_mm, y_mm))
+    sag_mm = top.in_frame.sag_mm(*np.meshgrid(wide_x, wide_y, indexing="ij"))
+    bottoms = np.full((len(wide_x), len(wide_y)), np.inf)
     for one, depth in zip(asked.held, depths, strict=True):
         x, y = _place(one, asked)
         at = axes[:2] @ (np.array([x, y, float(top.height_mm(x, y))]) - origin)
-        own = bottom_mm(one.model_copy(update={"yaw": one.yaw - turn}), x_mm - at[0], y_mm - at[1])
+        own = bottom_mm(one.model_copy(update={"yaw": one.yaw - turn}), wide_x - at[0], wide_y - at[1])
         if len(depths) > 1 and not top.is_flat:
             own -= float(np.nanmin(own + sag_mm))  # each from its own first touch
         bottoms = np.minimum(bottoms, own + max(depths) - depth)
     if asked.force_n is not None:
-        found = held_press(contact, asked.at_mm, bottoms, force_n=asked.force_n)
-        _require_rim(draft, asked, bottoms - found.depth_mm, x_mm, y_mm)
+        found = held_press(contact, asked.at_mm, bottoms[pad], force_n=asked.force_n)
+        _require_rim(draft, asked, bottoms - found.depth_mm, wide_x, wide_y)
         return found
-    _require_rim(draft, asked, bottoms - max(depths), x_mm, y_mm)
-    return held_press(contact, asked.at_mm, bottoms, depth_mm=max(depths))
-
-
-def rim_above_mm(draft: Draft) -> float:
-    """Height of the mold's rim above the pressed surface of a flat pad [mm]; 0 if it is level or lower."""
-    mold = draft.outline
-    return max(mold.highest_mm - mold.fill_mm - draft.design.cavity.black_thickness_mm, 0.0)
+    _require_rim(draft, asked, bottoms - max(depths), wide_x, wide_y)
+    return held_press(contact, asked.at_mm, bottoms[pad], depth_mm=max(depths))
 
 
 def _require_rim(
     draft: Draft, asked: AskedPress, above_mm: FloatArray, x_mm: FloatArray, y_mm: FloatArray
 ) -> None:
-    """Refuse objects that touch the rim around a flat pad, given their heights above the pressed surface."""
+    """Refuse objects that touch the rim around a flat pad, given their heights above the pad's top."""
     if not draft.plan.top.is_flat:
         return
-    rim_mm, (x, y) = rim_above_mm(draft), asked.at_mm
-    is_outside = draft.plan.outline.gap_mm(*np.meshgrid(x + x_mm, y + y_mm, indexing="ij")) <= 1e-9
-    if (is_outside & (above_mm < rim_mm - 1e-9)).any():
+    x, y = asked.at_mm
+    out_mm = -draft.plan.outline.gap_mm(*np.meshgrid(x + x_mm, y + y_mm, indexing="ij"))
+    if ((out_mm >= -1e-9) & (above_mm < rim_height_mm(draft.outline, out_mm) - 1e-9)).any():
+        rim_mm = draft.outline.highest_mm - draft.outline.fill_mm
         raise ModelScopeError(
             f"objects: {asked.held[0].words} would touch the rim around the pad, {rim_mm:.3g} mm above it; take a "
             "smaller object, move it to the middle, or lower mold.rim_mm"

@@ -10,6 +10,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+import numpy as np
+
+from optopad.design.arrays import FloatArray
 from optopad.design.draft import Draft
 from optopad.design.fields.finding import Finding, mm, note
 from optopad.design.fields.quantity import ROUNDING_MM
@@ -31,14 +34,22 @@ def touch_notes(draft: Draft) -> Iterator[Finding]:
         yield _fit_note(draft)
 
 
+def rim_height_mm(outline: MoldOutline, out_mm: FloatArray) -> FloatArray:
+    """Height (...) of the mold above a flat pad's top, at distances outside the pad's walls [mm].
+
+    The lip rises at 45 degrees. The seat of a cover is level with the top. A collar counts as if it went all around.
+    """
+    lowest_mm = 0.0 if outline.ledge_mm else outline.top_mm - outline.lip_mm - outline.fill_mm
+    in_mouth = lowest_mm + np.minimum(out_mm, outline.lip_mm)
+    return np.where(out_mm < outline.mouth_out_mm - 1e-9, in_mouth, outline.highest_mm - outline.fill_mm)
+
+
 def largest_ball_mm(outline: MoldOutline, depth_mm: float) -> float:
     """Radius of the largest ball that presses the middle of a flat pad to a depth, clear of the rim [mm]."""
     half_mm = min(outline.length_mm, outline.width_mm) / 2
-    below_mm = outline.top_mm - outline.lip_mm - outline.fill_mm
-    return min(
-        _largest_mm(half_mm, below_mm + depth_mm),
-        _largest_mm(half_mm + outline.mouth_out_mm, outline.highest_mm - outline.fill_mm + depth_mm),
-    )
+    edges = np.array([0.0, outline.mouth_out_mm])
+    heights = rim_height_mm(outline, edges)
+    return min(_largest_mm(half_mm + out, up + depth_mm) for out, up in zip(edges, heights, strict=True))
 
 
 def _largest_mm(half_mm: float, sunk_mm: float) -> float:

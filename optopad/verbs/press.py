@@ -22,10 +22,10 @@ from optopad.screen.held import HeldView
 from optopad.screen.output import Told
 from optopad.screen.training import data_lines
 from optopad.sims.held import AskedPress, held_light, pressed, require_asked
+from optopad.sims.held_data import held_data, read_presses
 from optopad.sims.plots.files import write_plot
 from optopad.sims.plots.held import plot_held
 from optopad.sims.plots.style import plain_style
-from optopad.sims.readings.held_data import held_data, read_presses
 from optopad.work import OUT
 
 STEM = "press-objects"

@@ -18,9 +18,9 @@ from optopad.screen.answer import Answer, labelled, learner_words
 from optopad.screen.held import object_lines
 from optopad.screen.output import Told, foretell_score
 from optopad.screen.score import Score
+from optopad.sims.held_score import OBJECTS, require_objects, score_objects
 from optopad.sims.score import scoring
 from optopad.sims.score.build_tolerance import DEFAULT_BUILDS
-from optopad.sims.score.objects import OBJECTS, require_objects, score_objects
 from optopad.sims.score.result import ContinuityScore
 from optopad.sims.verdict.builds import FEWEST_BUILDS, MOST_BUILDS
 from optopad.work import OUT, FinishedWork, beside

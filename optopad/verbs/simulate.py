@@ -13,7 +13,6 @@ from optopad.cli.verb import parsed_press, typed, verb
 from optopad.design.arrays import FloatArray
 from optopad.design.draft import Draft
 from optopad.design.errors import InputError, ModelScopeError
-from optopad.design.held_object import HeldObject
 from optopad.design.press_protocol import PressProtocol, load_protocol_file
 from optopad.design.progress import OnStep
 from optopad.design.rules.check import require_valid
@@ -29,7 +28,6 @@ from optopad.sims.optics.tracing import trace
 from optopad.sims.press import depth_schedule_mm
 from optopad.sims.readings.data_writer import DataWriter
 from optopad.sims.readings.dataset import clipped_note, read_data
-from optopad.sims.readings.held_data import held_data, read_presses
 from optopad.sims.readings.protocol import data_header, drawn_presses, protocol_curves
 from optopad.sims.readings.readout import save_dataset, signals_dataset
 from optopad.sims.readings.signal_chain import chain_of
@@ -118,38 +116,6 @@ def _protocol_data(
         "ambient_residual_counts": float(np.sqrt((left**2).mean())),
         "clipped": clipped_note(data),
     }
-
-
-def listed_data(
-    design: SensorDesign, file: Path, held: HeldObject | None, out: Path, seed: int, on_step: OnStep
-) -> dict[str, Any]:
-    """Compute the presses of a list and write their data set into the bundle; returns a summary for `data_lines`.
-
-    Parameters
-    ----------
-    file : list of presses by objects (`optopad.sims.readings.held_data`)
-    held : object of the rows that name none
-
-    Raises
-    ------
-    DesignError : the design breaks a rule; nothing is written.
-    InputError, ModelScopeError : a press of the list is invalid or outside the models; the message names its row.
-    OutputError : the folder cannot be written; an earlier bundle is intact.
-    """
-    require_valid(design)
-    presses = read_presses(file, held)
-    with bundle(design, out, seed=seed) as folder:
-        (folder / "sims").mkdir(exist_ok=True)
-        made = held_data(
-            design,
-            presses,
-            folder / "sims" / f"data-{file.stem}-{seed}.nc",
-            seed=seed,
-            asked=program_digest(),
-            journal_folder=out,
-            on_step=on_step,
-        )
-    return made | {"file": str(out / bundle_name(design) / "sims" / Path(made["file"]).name)}
 
 
 def _signals(

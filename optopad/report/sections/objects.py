@@ -14,9 +14,9 @@ from optopad.design.spec import SensorDesign
 from optopad.report.sections.drawings import PREFIX, Drawing
 from optopad.report.words import part
 from optopad.screen.held import object_sentences
+from optopad.sims.held_score import OBJECTS
 from optopad.sims.plots.held import plot_objects
 from optopad.sims.plots.style import plain_style, svg_text
-from optopad.sims.score.objects import OBJECTS
 
 NAME = "objects"
 

@@ -297,7 +297,7 @@ def _require_scope(pad: _Pad, gap: FloatArray, depth_mm: float) -> None:
     """Refuse a press that the model does not cover, before it is solved."""
     if depth_mm > pad.deepest_mm + 1e-9:
         raise ModelScopeError(
-            f"depth_mm: {depth_mm:g} mm is deeper than the model of pressed objects covers: {pad.deepest_mm:.3g} mm, "
+            f"depth: {depth_mm:g} mm is deeper than the model of pressed objects covers: {pad.deepest_mm:.3g} mm, "
             f"{LARGEST_HELD_SHARE:.0%} of the elastic layer there; press less deep or make the pad thicker"
         )
     over = gap - depth_mm < -1e-9
@@ -330,7 +330,7 @@ def _at_force(pad: _Pad, at_mm: Place, gap: FloatArray, force_n: float) -> HeldP
         raise refused
     if strongest.force_n < force_n:
         raise ModelScopeError(
-            f"force_n: {force_n:g} N is more than the model covers with these objects: {strongest.force_n:.3g} N at "
+            f"force: {force_n:g} N is more than the model covers with these objects: {strongest.force_n:.3g} N at "
             f"{deepest:.3g} mm{f' (deeper: {refused})' if refused else ''}; press with less force"
         )
 
@@ -379,13 +379,13 @@ def _at_depth(pad: _Pad, at_mm: Place, gap: FloatArray, depth_mm: float) -> Held
 FEW_NODES = 9
 """Nodes in contact below which force and area are less accurate."""
 SHARP_SHARE = 1.0 / 6.0
-"""Depth over thickness from which on the top beside sharp edges is less accurate [-]."""
+"""Deepest press with a contact that ends at a sharp edge, over the layer's thickness [-]."""
 
 
 def _notes(
     pad: _Pad, gap: FloatArray, touching: BoolArray, area_mm2: float, depth_mm: float
 ) -> tuple[str, ...]:
-    """Notes on a contact, with the gap (nx, ny) between object and top [mm]."""
+    """Notes on a contact, with the gap (nx, ny) between object and top [mm]; refuses one that is not covered."""
     notes, nodes = [], int(touching.sum())
     if nodes < FEW_NODES:
         notes.append(
@@ -393,10 +393,12 @@ def _notes(
             "within 20 %, area within a half"
         )
     beside = binary_dilation(touching) & ~touching & pad.inside
-    if depth_mm > SHARP_SHARE * pad.thickness_mm and (gap[beside] > pad.step_mm).any():
-        notes.append(
-            f"contact: it ends at a sharp edge or steep side, {depth_mm:.3g} mm deep: beside it the top is up to 9 % "
-            "of the depth too low"
+    deepest_mm = SHARP_SHARE * pad.thickness_mm
+    if depth_mm > deepest_mm + 1e-9 and (gap[beside] > pad.step_mm).any():
+        raise ModelScopeError(
+            f"objects: at {depth_mm:.3g} mm the contact ends at a sharp edge or steep side; beside it the top is then "
+            f"off by more than 5 % of the depth, and the model covers {deepest_mm:.3g} mm; press less deep, or take an "
+            "object with rounder edges"
         )
     return tuple(notes)
 

@@ -16,8 +16,8 @@ from optopad.design.preset import preset
 from optopad.design.progress import silent
 from optopad.screen.training import data_lines
 from optopad.sims.held import all_pressed, held_light
+from optopad.sims.held_data import APPROACH_MM, TOUCHED, ListedPress, held_data, read_presses
 from optopad.sims.readings.dataset import read_data
-from optopad.sims.readings.held_data import APPROACH_MM, TOUCHED, ListedPress, held_data, read_presses
 from optopad.sims.readings.signal_chain import without_noise
 from tests.said import pattern, says
 

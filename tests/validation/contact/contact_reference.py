@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from optopad.design.arrays import FloatArray
 from tests.validation.elements.layer_mesh import Grading
 from tests.validation.elements.press_oracle import Press
-from tests.validation.elements.tip_outlines import sphere_tip
+from tests.validation.elements.tip_outlines import Tip, sphere_tip
 
 STORED = Path(__file__).with_name("contact_reference.npz")
 BUILD = Path(__file__).parents[3] / "build" / "validation"
@@ -104,12 +104,33 @@ def sampled_curve(nodes: FloatArray, points_per_edge: int) -> tuple[FloatArray, 
     return points[:, 0], points[:, 1]
 
 
-def contact_edge(nodes: FloatArray, depth: float, window: float = 0.1) -> tuple[float, float]:
-    """(r, z) where the surface leaves a sphere with a shank.
+def leaving_edge(
+    r: FloatArray, z: FloatArray, gap: FloatArray, window: float = 0.1, touching: float = TOUCHING_GAP
+) -> tuple[float, float]:
+    """(r, z) where a curve leaves a rigid object.
 
     The gap beside the edge of a smooth frictionless contact grows with the power 3/2 of the distance s (Johnson,
     Contact Mechanics, sec. 5.1). gap^(2/3), fitted by a parabola in s over the outer three quarters of a window,
     is extended to zero. Pressure would locate the edge to an element only; this converges to 0.001 tip radii.
+
+    Parameters
+    ----------
+    r, z, gap : (n,) points of the curve, and their distance to the object
+    window : arc length of the fit
+    touching : gap below which the curve may touch
+    """
+    length = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(r), np.diff(z)))])
+    last = int(np.flatnonzero(gap < touching)[-1])
+    fitted = (length > length[last] + 0.25 * window) & (length < length[last] + window)
+    roots = np.roots(np.polyfit(length[fitted] - length[last], gap[fitted] ** (2 / 3), 2))
+    end = length[last] + float(np.real(roots[np.argmin(np.abs(roots))]))
+    return float(np.interp(end, length, r)), float(np.interp(end, length, z))
+
+
+def contact_edge(
+    nodes: FloatArray, depth: float, window: float = 0.1, tip: Tip | None = None
+) -> tuple[float, float]:
+    """(r, z) where the surface leaves a tip, by default a sphere with a shank.
 
     Parameters
     ----------
@@ -118,13 +139,8 @@ def contact_edge(nodes: FloatArray, depth: float, window: float = 0.1) -> tuple[
     window : arc length of the fit
     """
     r, z = sampled_curve(nodes, 16)
-    gap = sphere_tip().gap(r, z, depth).distance
-    length = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(r), np.diff(z)))])
-    last = int(np.flatnonzero(gap < TOUCHING_GAP)[-1])
-    fitted = (length > length[last] + 0.25 * window) & (length < length[last] + window)
-    roots = np.roots(np.polyfit(length[fitted] - length[last], gap[fitted] ** (2 / 3), 2))
-    end = length[last] + float(np.real(roots[np.argmin(np.abs(roots))]))
-    return min(float(np.interp(end, length, r)), 1.0), float(np.interp(end, length, z))
+    edge, height = leaving_edge(r, z, (tip or sphere_tip()).gap(r, z, depth).distance, window)
+    return min(edge, 1.0), height
 
 
 def depths_of(layer: float) -> tuple[float, ...]:

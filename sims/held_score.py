@@ -69,7 +69,7 @@ DEEP = 1.0 / 3.0
 LESS_FORCE = 0.7
 STEP_MM, TURN_STEP_DEG, RADIUS_STEP = 0.25, 5.0, 0.1
 """Steps of location and depth [mm], of the turn [deg], and of the radius over itself [-], each way."""
-ACCURACY = "standard"
+ACCURACY = "score"
 OBJECTS = "objects.json"
 """File of a bundle with the data of `ObjectScore.to_json`, in its folder `sims`."""
 AROUND, PITCH, DEPTHS = 2, 0.5, 9
@@ -418,7 +418,11 @@ def _nearest_press(
     for start in nodes[np.argsort(off)[:STARTS]]:
         inside = np.clip(start, low + 1e-6, high - 1e-6)
         found = least_squares(
-            lambda place: units(place) - frame, inside, bounds=(low, high), x_scale=high - low
+            lambda place: units(place) - frame,
+            inside,
+            bounds=(low, high),
+            x_scale=high - low,
+            diff_step=SPLINE_STEP,
         )
         if best is None or found.cost < best.cost:
             best = found

@@ -1,0 +1,68 @@
+"""Short objects pressed into the middle of the paper's pad, in three dimensions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from tests.validation.contact.contact_reference import POISSON_RATIO
+from tests.validation.held.object_press import AxisGrading, ObjectPress, ObjectState
+from tests.validation.held.rounded_objects import LyingCylinder, RigidObject, RoundedBox
+from tests.validation.held.truth_file import BESIDE_MM, FAR_MM, Row
+
+PAD_MM = (16.0, 16.0, 9.0)
+"""Half its length and width, and its layer, clear and black."""
+DOWN = AxisGrading(focus_mm=0.0, size_mm=0.45, fine_mm=0.9, growth=1.7)
+COARSER = (1.7, 1.2, 0.85)
+"""Sizes of the elements on meshes from coarse to fine; the last two tell the error."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ObjectCase:
+    """An object, and the mesh under it: along x, along y."""
+
+    thing: RigidObject
+    grading: tuple[AxisGrading, AxisGrading]
+    depths_mm: tuple[float, ...] = (1.0, 2.0)
+    unit_mm: float = 1.0
+
+    def presses(self) -> list[ObjectPress]:
+        """The untouched pad on meshes from coarse to fine."""
+        axes = list(zip((*self.grading, DOWN), PAD_MM, strict=True))
+        return [
+            ObjectPress(
+                self.thing, tuple(axis.ticks(length, coarser) for axis, length in axes), POISSON_RATIO
+            )
+            for coarser in COARSER
+        ]
+
+    def kept(self, depth_mm: float, half: ObjectState, state: ObjectState) -> Iterator[Row]:
+        """Quantities on the finer mesh, and how far the coarser one is off."""
+        yield Row.of(depth_mm, "force/E [mm2]", state.force, half.force)
+        yield Row.of(depth_mm, "contact area from above [mm2]", state.area, half.area)
+        for axis, name in enumerate("xy"):
+            edge = state.edge[axis]
+            yield Row.of(depth_mm, f"contact half width along {name} [mm]", edge, half.edge[axis])
+            places = {f"edge + {beside:g}": edge + beside for beside in BESIDE_MM}
+            for place, at_mm in (places | {f"{far:g}": far for far in FAR_MM}).items():
+                heights = (one.height(axis, at_mm) for one in (state, half))
+                yield Row.of(depth_mm, f"height at {name} = {place} mm [mm]", *heights)
+
+
+def _even(size_mm: float, fine_mm: float, focus_mm: float = 0.0) -> AxisGrading:
+    return AxisGrading(focus_mm=focus_mm, size_mm=size_mm, fine_mm=fine_mm)
+
+
+OBJECT_CASES = {
+    "ball, radius 3": ObjectCase(
+        thing=RoundedBox(half_mm=(0.0, 0.0, 0.0), rounding_mm=3.0), grading=(_even(0.5, 3.0), _even(0.5, 3.0))
+    ),
+    "lying cylinder, radius 3, length 8 along x": ObjectCase(
+        thing=LyingCylinder(radius_mm=3.0, length_mm=8.0, rounding_mm=0.5),
+        grading=(_even(0.5, 1.0, 4.0), _even(0.6, 3.0)),
+    ),
+    "box edge, length 10 along x": ObjectCase(
+        thing=RoundedBox(half_mm=(4.5, 4.5, 4.5), rounding_mm=0.5, roll_deg=45.0),
+        grading=(_even(0.5, 1.0, 5.0), _even(0.35, 1.75)),
+    ),
+}
