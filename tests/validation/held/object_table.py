@@ -322,7 +322,7 @@ def light() -> str:
 
 
 DOME, BESIDE_APEX = "fingertip-dome", "fingertip"
-"""A preset, and the stored presses 5 mm beside its apex."""
+"""A preset, and the stored presses 5 mm from its apex."""
 PLACE = (16.0, 11.0)
 SET_IN_MM = 0.3
 """Width outside the contact over which the stored top replaces the modelled one."""
@@ -330,7 +330,7 @@ SET_IN_MM = 0.3
 
 @dataclass(frozen=True, kw_only=True)
 class CrownPress:
-    """A ball beside the apex of a crowned pad, and the stored solution in three dimensions.
+    """A ball away from the apex of a crowned pad, and the stored solution in three dimensions.
 
     Attributes
     ----------
@@ -367,7 +367,7 @@ class CrownPress:
 
 
 def crowns() -> str:
-    """A ball beside the apex of a dome: the model of objects and that of balls against finite elements."""
+    """A ball away from the apex of a dome: the model of objects and that of balls against finite elements."""
     head = ["depth mm", "change rms %", "model", "force %", "top to the wall: rms, largest µm"]
     head += ["light: rms, largest %", "stated error %"]
     draft, scene, body = Draft.of(preset(DOME)), scene_of(preset(DOME)), list[list[str]]()
