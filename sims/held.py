@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -34,7 +35,8 @@ from optopad.sims.verdict.depth_curve import noise_units
 from optopad.sims.verdict.presses import untouched_flux
 
 Place = tuple[float, float]
-STAGES = ("contact", "light")
+AT_ONCE = 32
+"""Tops that are held in memory together; each has 1 to 3 MB."""
 RIM_STEP_MM = 0.5
 """Distance of the nodes beyond the pad at which objects are compared with the mold's rim."""
 
@@ -128,7 +130,8 @@ def require_asked(draft: Draft, asked: AskedPress) -> None:
         raise InputError("--depth: does not go with --force, which decides the depth; drop one")
     if draft.wall_index is not None:
         raise ModelScopeError(
-            "objects: light between smooth walls is traced under a ball alone; remove surfaces.wall_index"
+            "objects: light between smooth walls is traced under the design's tip alone; set surfaces.wall_finish = "
+            "'diffuse'"
         )
     assert asked.reflectance is None or asked.reflectance >= 0.0
     for one in asked.held:
@@ -142,6 +145,7 @@ def require_asked(draft: Draft, asked: AskedPress) -> None:
 
 def pressed(draft: Draft, asked: AskedPress) -> HeldPress:
     """Solve the contact of a press; errors are those of `require_asked` and of `held_press`."""
+    require_asked(draft, asked)
     contact, top = contact_of(draft.design), draft.plan.top
     origin, axes = top.press_frame(*asked.at_mm)
     x_mm, y_mm = grid_of(contact, asked.at_mm)
@@ -238,22 +242,21 @@ def held_light(
     scene = scene_of(draft.design)
     if reflectance is not None:
         scene = replace(scene, tip_reflectance=reflectance)
-    tops = [None, *(one.top for one in presses)]
-    light = trace_scene(
-        scene,
-        np.zeros((len(tops), 2)),
-        tops,
-        accuracy=accuracy,
-        seed=seed,
-        pairs=pairs,
-        on_step=on_step,
-        kept=light_store(),
-    )
-    untouched = untouched_flux(draft, seed=seed)
-    flux, error = light.flux.sum(axis=0), light.change_error
-    whole = np.where(flux[0] > 0.0, flux[0], 1.0)
-    ratio = np.where(flux[0] > 0.0, flux[1:] / whole, 1.0)
+    settings: dict[str, Any] = {"accuracy": accuracy, "seed": seed, "pairs": pairs, "kept": light_store()}
+    untouched, flux, error = untouched_flux(draft, seed=seed), [], []
+    for start in range(0, len(presses), AT_ONCE):
+        tops = [None, *(one.top for one in presses[start : start + AT_ONCE])]
+
+        def tell(done: int, total: int, start: int = start) -> None:
+            if on_step is not None:
+                on_step(start + done * (total - 1) // total, len(presses))
+
+        light = trace_scene(scene, np.zeros((len(tops), 2)), tops, on_step=tell, **settings)
+        traced = light.flux.sum(axis=0)
+        whole = np.where(traced[0] > 0.0, traced[0], 1.0)
+        flux.append(untouched * np.where(traced[0] > 0.0, traced[1:] / whole, 1.0))
+        error.append(untouched * light.change_error[1:] / whole)
     readout = readout_of(draft, untouched, mask_of(judged_pairs(draft.cavity), draft.cavity))
     return HeldLight(
-        untouched=untouched, flux=untouched * ratio, error=untouched * error[1:] / whole, readout=readout
+        untouched=untouched, flux=np.concatenate(flux), error=np.concatenate(error), readout=readout
     )

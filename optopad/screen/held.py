@@ -159,7 +159,7 @@ def object_sentences(found: dict[str, Any]) -> list[tuple[str, str]]:
     ]
     sigma, one, other = pairs[0]
     told = (
-        f"not {' and not '.join(alike)}: less than {DEADBAND_THRESHOLD:g} sigma, location, depth and turn unknown"
+        f"not {', nor '.join(alike)}, location, depth and turn unknown; {DEADBAND_THRESHOLD:g} sigma are needed"
         if alike
         else f"all, location, depth and turn unknown; the closest, {one} and {other}, by {sigma:.0f} sigma"
     )

@@ -21,7 +21,7 @@ from optopad.fabrication.bundle import bundle, bundle_name, program_digest
 from optopad.screen.held import HeldView
 from optopad.screen.output import Told
 from optopad.screen.training import data_lines
-from optopad.sims.held import AskedPress, held_light, pressed, require_asked
+from optopad.sims.held import AskedPress, held_light, pressed
 from optopad.sims.held_data import held_data, read_presses
 from optopad.sims.plots.files import write_plot
 from optopad.sims.plots.held import plot_held
@@ -72,7 +72,6 @@ def press(
         return _data_set(design, presses, object, Path(OUT) if out is None else out, seed, on_step)
     draft = Draft.of(design)
     asked = asked_press(draft, object, at, depth, force)
-    require_asked(draft, asked)
     on_step("objects", 0.0)
     found = pressed(draft, asked)
     on_step("objects", 1.0)

@@ -330,6 +330,8 @@ PRESSED_BY = {
     "mesh": "mesh,file=part.stl,units=mm",
 }
 """What can press the pad, and the line with which it starts."""
+FIRST_MM = 1.0
+"""Depth with which a chosen object starts at most [mm]; the contact model covers it on most pads, also at edges."""
 
 
 class Controls:
@@ -513,7 +515,12 @@ class Controls:
         if event.client is not None:
             line = PRESSED_BY[str(self._pressed_by.value)]
             self._line.value, self._line.visible = line, bool(line)
-            self._later("object", lambda: self._session.hold(line), 0.0)
+            self._later("object", lambda: self._begin_with(line), 0.0)
+
+    def _begin_with(self, line: str) -> None:
+        if line:
+            self._session.move_tip(depth_mm=min(self._session.press.depth_mm, FIRST_MM))
+        self._session.hold(line)
 
     def _type_object(self, event: Any) -> None:
         if event.client is not None:

@@ -149,6 +149,7 @@ def test_an_object_is_chosen_dragged_turned_refused_and_taken_away(tmp_path: Pat
         browser.wait_for_text("turned by", 30)
         session = page.session
         assert session.press.held is not None
+        assert session.press.depth_mm == 1.0
         assert session.press.held.yaw == pytest.approx(90.0, abs=10.0)
 
         camera = next(iter(page.server.get_clients().values())).camera
@@ -161,8 +162,8 @@ def test_an_object_is_chosen_dragged_turned_refused_and_taken_away(tmp_path: Pat
 
         browser.fill("object", "cylinder,radius=0")
         browser.wait_for_text("not taken: object 'cylinder,radius=0': radius=0 is refused", 10)
-        browser.fill("object", "box,length=12,width=12,x=6")
-        browser.wait_for_text("they would touch the rim", 30)
+        browser.fill("object", "box,length=14,width=12,x=6")
+        browser.wait_for_text("would touch the rim", 30)
         browser.click_at(*middle(browser.input_box("pressed by")))
         browser.click_text("own tip")
         browser.wait_for_text("Pairs under the tip", 30)

@@ -22,7 +22,7 @@ from optopad.sims.optics.engine.general.patches import PatchLayout, patch_layout
 from optopad.sims.optics.engine.general.points import GridPoints, TopGrid, pitch_of, points_of, top_grid
 from optopad.sims.optics.engine.general.rays import AREA
 from optopad.sims.optics.engine.general.scattered import DIMENSIONS
-from optopad.sims.optics.engine.general.top import FLAT, KIND, SPHERE, FormedTop
+from optopad.sims.optics.engine.general.top import FLAT, GRID_STEP, KIND, SPHERE, FormedTop
 from optopad.sims.optics.engine.threads import run_each
 from optopad.sims.optics.engine.untouched import above_zero
 from optopad.sims.optics.scene.optical_scene import OpticalScene
@@ -110,17 +110,24 @@ class FormedPad:
         share = SPHERE_PART_SHARE if top.numbers[KIND] == SPHERE else PART_SHARE
         places = np.ascontiguousarray(at)
         absorbs, index = scene.absorption_per_mm, scene.refractive_index
+
+        def traced() -> FloatArray:
+            return np.asarray(
+                mirrored_matrix(
+                    self.emitters, self.receivers, wanted, points_on(places, *top), share, absorbs, index, self.walls,
+                    self.arcs, *top,
+                )
+            )  # fmt: skip
+
+        if top.numbers[GRID_STEP] > 0.0:  # large to name, and hardly ever traced twice
+            return traced()
         name = _name_of(
             self.emitters, self.receivers, wanted, places, self.walls, self.arcs, *top,
             np.array([share, absorbs, index]),
         )  # fmt: skip
         known = _MIRRORED.get(name)
         if known is None:
-            brought = mirrored_matrix(
-                self.emitters, self.receivers, wanted, points_on(places, *top), share, absorbs, index, self.walls,
-                self.arcs, *top,
-            )  # fmt: skip
-            known = np.asarray(brought)
+            known = traced()
             with _LOCK:
                 _MIRRORED[name] = known
                 if len(_MIRRORED) > MOST_MIRRORED:
