@@ -138,7 +138,7 @@ def objects() -> Iterator[Figure]:
     light = "light: rms, largest %"
     for row in table(page, "depth mm", "model", light):
         if row["depth mm"] == "1":
-            name = "object" if "object" in row["model"] else "ball"
+            name = {"objects": "object", "balls": "ball"}.get(row["model"], "mesh")
             part = 100 * number(row[light]) / number(row["change rms %"])
             yield made(page, f"objects.dome.{name}", part, ".0f")
     rows = table(page, "presses", "difference: rms, largest %")

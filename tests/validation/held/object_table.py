@@ -46,8 +46,8 @@ from optopad.sims.optics.tracing import trace
 from optopad.sims.press import GridTop
 from tests.validation.contact.contact_table import markdown_table, with_table
 from tests.validation.contact.crown.crown_oracle import Crown
-from tests.validation.contact.crown.offset_oracle import PADS, offset_state
-from tests.validation.contact.crown.offset_table import OffsetError, error_of, errors, surface
+from tests.validation.contact.crown.offset_oracle import PADS, StoredState, offset_state
+from tests.validation.contact.crown.offset_table import error_of, errors, surface
 from tests.validation.held.plane_cases import LAYER_MM, PLANE_CASES, PlaneCase
 from tests.validation.held.truth_file import BESIDE_MM, FAR_MM, Row, read_truth
 
@@ -328,75 +328,69 @@ SET_IN_MM = 0.3
 """Width outside the contact over which the stored top replaces the modelled one."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class CrownPress:
-    """A ball away from the apex of a crowned pad, and the stored solution in three dimensions.
+def solved_top(press: model.HeldPress, points_mm: FloatArray, risen_mm: FloatArray) -> GridTop:
+    """A modelled top with the heights (nx, ny) that half a pad was solved to have, at points (nx, ny, 3), in its place.
 
-    Attributes
-    ----------
-    top, solved : heights in the frame of the press, modelled and solved
-    error : of the model
+    Beyond the solved points, at the rim, the top is held.
     """
+    top, edge_mm = press.top, float(np.sqrt(press.area_mm2 / np.pi))
+    nodes = np.meshgrid(top.x_mm, np.abs(top.y_mm), indexing="ij")
+    found = LinearNDInterpolator(points_mm[..., :2].reshape(-1, 2), risen_mm.ravel(), 0.0)(*nodes)
+    away = np.clip((np.hypot(*nodes) - edge_mm) / SET_IN_MM, 0.0, 1.0)
+    share = away * away * (3.0 - 2.0 * away)
+    return replace(top, height_mm=top.height_mm + share * (found - top.height_mm))
 
-    top: GridTop
-    solved: GridTop
-    error: OffsetError
 
-    @classmethod
-    def of(cls, depth_mm: float) -> CrownPress:
-        """The press at a depth."""
-        pad, state = PADS[BESIDE_APEX], offset_state(BESIDE_APEX, depth_mm)
-        oracle, draft = surface(pad, state)[0], Draft.of(preset(DOME))
-        press = ball(DOME, PLACE, depth_mm, pad.tip_mm)
-        x, y, z = np.moveaxis(oracle.points_mm, -1, 0)
-        risen = z + pad.tip_mm * Crown(pad.chart.curvature).drop(oracle.radius_mm / pad.tip_mm)
-        top = press.top
-        found = RegularGridInterpolator(
-            (top.x_mm, top.y_mm), top.height_mm, bounds_error=False, fill_value=0.0
-        )
-        edge_mm = float(np.sqrt(press.area_mm2 / np.pi))
-        off_um = 1e3 * (found(np.stack([x, y], axis=-1)) - risen) * oracle.normals[..., 2]
-        ratio = press.force_n / draft.modulus.value / float(state.force_n[2])
-        nodes = np.meshgrid(top.x_mm, np.abs(top.y_mm), indexing="ij")
-        # half the pad is solved; beyond its rim the top is held
-        height = LinearNDInterpolator(np.stack([x.ravel(), y.ravel()], axis=1), risen.ravel(), 0.0)(*nodes)
-        away = np.clip((np.hypot(*nodes) - edge_mm) / SET_IN_MM, 0.0, 1.0)
-        share = away * away * (3.0 - 2.0 * away)
-        solved_top = replace(top, height_mm=top.height_mm + share * (height - top.height_mm))
-        return cls(top=top, solved=solved_top, error=error_of(pad, oracle, off_um, ratio, edge_mm))
+def crown_rows(depth_mm: float) -> Iterator[list[str]]:
+    """A ball away from the apex of a dome: the models of objects and of balls, and the solution's coarser mesh."""
+    pad, draft, scene = PADS[BESIDE_APEX], Draft.of(preset(DOME)), scene_of(preset(DOME))
+    press, states = ball(DOME, PLACE, depth_mm, pad.tip_mm), list[StoredState]()
+    tops: list[GridTop | None] = [None, press.top]
+    for half in (False, True):
+        states.append(offset_state(BESIDE_APEX, depth_mm, half=half))
+        solution = surface(pad, states[-1])[0]
+        drop = pad.tip_mm * Crown(pad.chart.curvature).drop(solution.radius_mm / pad.tip_mm)
+        tops.append(solved_top(press, solution.points_mm, solution.points_mm[..., 2] + drop))
+        if not half:
+            heights = press.top.x_mm, press.top.y_mm, press.top.height_mm
+            found = RegularGridInterpolator(heights[:2], heights[2], bounds_error=False, fill_value=0.0)
+            below = found(solution.points_mm[..., :2]) - drop - solution.points_mm[..., 2]
+            off_um, oracle = 1e3 * below * solution.normals[..., 2], solution
+    ratio = press.force_n / draft.modulus.value / float(states[0].force_n[2])
+    of_balls = errors(BESIDE_APEX, depth_mm)
+    light = trace_scene(scene, np.zeros((len(tops), 2)), tops, accuracy="fine")
+    at = np.array([(*PLACE, depth_mm), (0.0, 0.0, 0.0)])
+    engine = trace(Pad.of(preset(DOME)), at, accuracy="fine")
+    change = light.flux.sum(axis=0)[1:] / light.flux.sum(axis=0)[0] - 1.0
+    stated = light.change_error[1:] / light.flux.sum(axis=0)[0]
+    pairs = direct_path_pairs(draft.cavity)
+    edge_mm = float(np.sqrt(press.area_mm2 / np.pi))
+    for kind, error, changed, own in (
+        ("objects", error_of(pad, oracle, off_um, ratio, edge_mm), change[0], stated[0]),
+        (
+            "balls",
+            of_balls["along the normal"],
+            engine.flux[0] / engine.flux[1] - 1.0,
+            engine.standard_error[0] / engine.flux[1],
+        ),
+        ("the solution's coarser mesh", of_balls["mesh"], change[2], stated[2]),
+    ):
+        yield [
+            f"{depth_mm:g}",
+            rms(change[1][pairs]),
+            kind,
+            f"{100.0 * (error.force_ratio - 1.0):+.1f}",
+            f"{error.pad_um[0]:.0f}, {error.pad_um[1]:.0f}",
+            size((changed - change[1])[pairs]),
+            rms(own[pairs]),
+        ]
 
 
 def crowns() -> str:
-    """A ball away from the apex of a dome: the model of objects and that of balls against finite elements."""
+    """Rows at the depths that are solved and that the model of objects covers."""
     head = ["depth mm", "change rms %", "model", "force %", "top to the wall: rms, largest µm"]
     head += ["light: rms, largest %", "stated error %"]
-    draft, scene, body = Draft.of(preset(DOME)), scene_of(preset(DOME)), list[list[str]]()
-    pairs = direct_path_pairs(draft.cavity)
-    for depth in (0.5, 1.0):
-        press = CrownPress.of(depth)
-        tops = [None, press.solved, press.top]
-        light = trace_scene(scene, np.zeros((3, 2)), tops, accuracy="fine")
-        flux, engine = (
-            light.flux.sum(axis=0),
-            trace(Pad.of(preset(DOME)), np.array([(*PLACE, depth), (0.0, 0.0, 0.0)]), accuracy="fine"),
-        )
-        wanted = flux[1] / flux[0] - 1.0
-        changes = {"object": flux[2] / flux[0] - 1.0, "ball": engine.flux[0] / engine.flux[1] - 1.0}
-        stated = (light.change_error[2] / flux[0], engine.standard_error[0] / engine.flux[1])
-        wrong = (press.error, errors(BESIDE_APEX, depth)["along the normal"])
-        for (kind, change), one, error in zip(changes.items(), stated, wrong, strict=True):
-            body.append(
-                [
-                    f"{depth:g}",
-                    rms(wanted[pairs]),
-                    f"the {kind}'s",
-                    f"{100.0 * (error.force_ratio - 1.0):+.1f}",
-                    f"{error.pad_um[0]:.0f}, {error.pad_um[1]:.0f}",
-                    size((change - wanted)[pairs]),
-                    rms(one[pairs]),
-                ]
-            )
-    return markdown_table(head, body)
+    return markdown_table(head, [row for depth in (0.5, 1.0) for row in crown_rows(depth)])
 
 
 def symmetry() -> str:
