@@ -13,27 +13,36 @@ from tests.validation.held.truth_file import BESIDE_MM, FAR_MM, Row
 PAD_MM = (16.0, 16.0, 9.0)
 """Half its length and width, and its layer, clear and black."""
 DOWN = AxisGrading(focus_mm=0.0, size_mm=0.45, fine_mm=0.9, growth=1.7)
-COARSER = (1.7, 1.2, 0.85)
-"""Sizes of the elements on meshes from coarse to fine; the last two tell the error."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ObjectCase:
-    """An object, and the mesh under it: along x, along y."""
+    """An object, and the mesh under it: along x, along y.
+
+    Attributes
+    ----------
+    coarser : sizes of the elements on meshes from coarse to fine; the last two tell the error
+    penalty : contact stiffness [E / mm]; where it is too large, touching points of coarse faces cycle
+    """
 
     thing: RigidObject
     grading: tuple[AxisGrading, AxisGrading]
     depths_mm: tuple[float, ...] = (1.0, 2.0)
     unit_mm: float = 1.0
+    coarser: tuple[float, ...] = (1.45, 1.1, 0.85)
+    penalty: float = 30.0
 
     def presses(self) -> list[ObjectPress]:
         """The untouched pad on meshes from coarse to fine."""
         axes = list(zip((*self.grading, DOWN), PAD_MM, strict=True))
         return [
             ObjectPress(
-                self.thing, tuple(axis.ticks(length, coarser) for axis, length in axes), POISSON_RATIO
+                self.thing,
+                tuple(axis.ticks(length, coarser) for axis, length in axes),
+                POISSON_RATIO,
+                self.penalty,
             )
-            for coarser in COARSER
+            for coarser in self.coarser
         ]
 
     def kept(self, depth_mm: float, half: ObjectState, state: ObjectState) -> Iterator[Row]:
@@ -55,14 +64,18 @@ def _even(size_mm: float, fine_mm: float, focus_mm: float = 0.0) -> AxisGrading:
 
 OBJECT_CASES = {
     "ball, radius 3": ObjectCase(
-        thing=RoundedBox(half_mm=(0.0, 0.0, 0.0), rounding_mm=3.0), grading=(_even(0.5, 3.0), _even(0.5, 3.0))
+        thing=RoundedBox(half_mm=(0.0, 0.0, 0.0), rounding_mm=3.0),
+        grading=(_even(0.5, 3.0), _even(0.5, 3.0)),
+        coarser=(1.7, 1.2),
     ),
     "lying cylinder, radius 3, length 8 along x": ObjectCase(
         thing=LyingCylinder(radius_mm=3.0, length_mm=8.0, rounding_mm=0.5),
         grading=(_even(0.5, 1.0, 4.0), _even(0.6, 3.0)),
+        coarser=(1.7, 1.3, 1.0),
     ),
     "box edge, length 10 along x": ObjectCase(
         thing=RoundedBox(half_mm=(4.5, 4.5, 4.5), rounding_mm=0.5, roll_deg=45.0),
         grading=(_even(0.5, 1.0, 5.0), _even(0.35, 1.75)),
+        penalty=100.0,
     ),
 }

@@ -9,6 +9,10 @@ are therefore not part of this one.
 * Five tips on a strip: force at 0.5, 1 and 1.5 mm beyond the depth where it passes 0.1 N, over the smallest tip's.
   The section of the strip and its modulus are not stated. A wide layer of one thickness stands for the strip. Its
   modulus gives the smallest tip's force at 1 mm, and its thickness is fitted to the other tips' forces at 1 mm.
+  No thickness fits: the best is the largest on offer, a half-space, and 24 % off. The cylinder of 3 mm and the block of
+  1.5 x 5 mm have almost one area; the block needs 1.6 times the force in the measurement, and 1.1 times that
+  of the cylinder on a layer of any thickness. So the width of the strip and its free sides matter, which the
+  source does not state. With finite strains (`finite_forces_n`) the cylinders are farther off.
 * Footprint of a press in a grid of 25 cavities below a pad of 8.5 mm: signal by distance from the pressed one. In the
   model the floor is bonded and does not move; what bends a cavity's ceiling is the pressure on it, so
   the model's figure is the normal stress at the floor, averaged over a cavity's square. The floor is that of the whole
@@ -33,6 +37,10 @@ from scipy.optimize import brentq, minimize_scalar
 from optopad.design.arrays import FloatArray
 from optopad.sims.contact.held.layer import WideLayer
 from optopad.sims.contact.held.solve import contact_pressure
+from tests.validation.contact.contact_reference import POISSON_RATIO
+from tests.validation.elements.layer_mesh import Grading
+from tests.validation.elements.press_oracle import Press, pressed_states
+from tests.validation.elements.tip_outlines import flat_tip, sphere_tip
 
 STEP_MM = 0.04
 TOUCH_N = 0.1
@@ -40,6 +48,8 @@ TOUCH_N = 0.1
 DEPTHS_MM = (0.0, 0.03, 0.06, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0, 1.2, 1.4, 1.6, 1.8)
 SHOWN_MM = (0.5, 1.0, 1.5)
 EDGE_MM = 0.5
+FINITE = Grading(axis_size=0.1, axis_radius=0.2, growth=1.3, largest_radial=3.0, largest_axial=2.0)
+FINITE_DEPTHS_MM = (0.03, 0.06, 0.1, 0.15, 0.2, 0.5, 0.8, 1.0, 1.1, 1.2, 1.3)
 TAXEL_MM, CAVITY_MM = 3.55, 2.55
 """Pitch and side of the cavities."""
 PAD_MM = 8.5, 7.45
@@ -115,6 +125,26 @@ def fitted(curve: FloatArray, force_n: float) -> float:
     return float(brentq(lambda one: forces_n(curve, one)[1] - force_n, 0.05, 20.0))
 
 
+def finite_forces_n(thickness_mm: float, force_n: float) -> list[float]:
+    """Forces of the three cylinders at 1 mm on a neo-Hookean layer whose modulus gives the first one's [N]."""
+    curves = []
+    for diameter in (1.0, 2.0, 3.0):
+        radius = 0.5 * diameter
+        tip = flat_tip(EDGE_MM / radius) if diameter > 1.0 else sphere_tip()
+        press = Press(thickness_mm / radius, 2.5 * thickness_mm / radius, FINITE, POISSON_RATIO, tip)
+        press.penalty = press.final_penalty = 300.0
+        states = pressed_states(press, [depth / radius for depth in FINITE_DEPTHS_MM])
+        curves.append([0.0, *(radius**2 * state.force for state in states)])
+    depths = (0.0, *FINITE_DEPTHS_MM)
+
+    def at_1_mm(curve: list[float], modulus: float) -> float:
+        touch = float(np.interp(TOUCH_N / modulus, curve, depths))
+        return modulus * float(np.interp(touch + 1.0, depths, curve))
+
+    modulus = float(brentq(lambda one: at_1_mm(curves[0], one) - force_n, 0.3, 10.0))
+    return [at_1_mm(curve, modulus) for curve in curves]
+
+
 def measured_n(folder: Path) -> dict[str, FloatArray]:
     """Tip -> (3,) force at `SHOWN_MM` beyond the travel at which it passes `TOUCH_N` [N]."""
     found = {}
@@ -153,6 +183,9 @@ def tips_table(folder: Path) -> Iterable[str]:
         modulus = fitted(modelled["cylinder d1"], measured["cylinder d1"][1])
         name = f"{thickness:.2g} mm, {modulus:.2f} MPa, {misfit(thickness, measured):.1%} rms"
         lines[name] = [forces_n(modelled[tip], modulus) for tip in TIPS]
+    finite = finite_forces_n(9.0, measured["cylinder d1"][1])
+    yield "At 1 mm with finite strains, 9 mm: " + " : ".join(f"{one / finite[0]:.2f}" for one in finite)
+    yield ""
     yield "| force over that of cylinder d1 at 0.5, 1, 1.5 mm | d1 [N] | " + " | ".join(list(TIPS)[1:]) + " |"
     yield "|" + " --- |" * 6
     for name, forces in lines.items():
