@@ -163,32 +163,36 @@ def object_sentences(found: dict[str, Any]) -> list[tuple[str, str]]:
         if alike
         else f"all, location, depth and turn unknown; the closest, {one} and {other}, by {sigma:.0f} sigma"
     )
-    lines = [
+    reported = []
+    for name in ("edge", "cylinder"):
+        as_ball = found["as_ball"][name]
+        beside = f"{max(as_ball['moved_mm']):.1f} mm{' or more' if any(as_ball['is_beyond']) else ''} beside"
+        reported.append(
+            f"{'an' if name == 'edge' else 'a'} {name} up to {beside} and {_deeper(as_ball['deeper_mm'])}"
+        )
+    return [
         ("told apart", told),
-        ("an edge", f"its turn is known to {_span(found['edge_turn_deg'], 'deg')} from one frame"),
+        ("an edge", f"one frame gives its turn {_span(found['edge_turn_deg'], 'deg')}"),
         (
             "a cylinder",
-            f"its radius of {found['radius_of_tip_mm']:g} mm is known to {_span(found['cylinder_radius_mm'], 'mm')} "
-            "from one frame",
+            f"one frame gives its radius of {found['radius_of_tip_mm']:g} mm "
+            f"{_span(found['cylinder_radius_mm'], 'mm')}",
         ),
+        ("as a ball", f"a map of the ball reports {' and '.join(reported)}"),
     ]
-    for name in ("edge", "cylinder"):
-        one_as = found["as_ball"][name]
-        least = " or more" if any(one_as["is_beyond"]) else ""
-        words = (
-            f"a map of the ball reports {'an' if name == 'edge' else 'a'} {name} up to {max(one_as['moved_mm']):.1f} "
-            f"mm{least} beside, and {min(one_as['deeper_mm']):+.1f} to {max(one_as['deeper_mm']):+.1f} mm deeper"
-        )
-        lines.append(("taken as ball" if name == "edge" else "", words))
-    return lines
+
+
+def _deeper(values: list[float]) -> str:
+    """Differences of depth in words [mm]."""
+    low, high = (f"{value:+.1f}" for value in (min(values), max(values)))
+    return f"{low} mm deeper" if low == high else f"{low} to {high} mm deeper"
 
 
 def _span(values: list[float | None], unit: str) -> str:
     """A range of values in words; None is not resolved."""
     known = [one for one in values if one is not None]
+    lost = f"not at all at {len(values) - len(known)} of {len(values)} locations"
     if not known:
-        return "no value: not resolved"
+        return lost
     words = f"{min(known):.2g}" if len(known) == 1 else f"{min(known):.2g} to {max(known):.2g}"
-    return f"{words} {unit}" + (
-        "" if len(known) == len(values) else f", and not resolved at {len(values) - len(known)}"
-    )
+    return f"within {words} {unit}" + (f", {lost}" if len(known) < len(values) else "")
