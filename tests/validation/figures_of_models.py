@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from tests.validation.stored import ROOT, Figure, column, made, number, table, tables
+from tests.validation.stored import ROOT, Figure, Row, column, made, number, table, tables
 
 MEAN = "mean % of the pair's signal"
 """Heading of a column."""
@@ -105,19 +105,21 @@ def walls() -> Iterator[Figure]:
 def objects() -> Iterator[Figure]:
     """Contact and light of objects."""
     page = "docs/validation/objects.md"
-    depth, width = "% of the depth", "half width; x, y, area %"
+    depth = "% of the depth"
     rows = table(page, "object", depth)
+
+    def widths(row: Row) -> list[float]:
+        """Errors of the half widths, without that of the area."""
+        return [number(one) for one in row["half width; x, y, area %"].split(",")[:2]]
+
     refused = column(rows, depth, lambda row: row["covered"] == "refused")
     yield made(page, "objects.refused.least", min(refused), ".1f")
     yield made(page, "objects.refused.most", max(refused), ".1f")
-    for name, fitted in (("long", "yes"), ("short", "no")):
+    for name, fitted in (("fitted", "yes"), ("short", "no")):
         kept = [row for row in rows if (row["fitted"], row["covered"]) == (fitted, "yes")]
-        if not kept:
-            continue
         yield made(page, f"objects.{name}.force", max(map(abs, column(kept, "force %"))), ".1f")
         yield made(page, f"objects.{name}.top", max(column(kept, depth)), ".1f")
-        if name == "long":
-            yield made(page, f"objects.{name}.width", max(map(abs, column(kept, width))), ".1f")
+        yield made(page, f"objects.{name}.width", max(map(abs, (w for r in kept for w in widths(r)))), ".1f")
 
     rows = table(page, "press", "contact radius %", depth)
     force = [abs(one) for one in column(rows, "force %")]
