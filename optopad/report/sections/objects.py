@@ -52,5 +52,5 @@ def objects_section(found: dict[str, Any] | None, drawings: dict[str, Drawing]) 
         drawing=drawings[NAME],
         sentences=object_sentences(found),
         apart=np.array(found["apart_sigma"]).min(axis=0),
-        depths=np.array(found["depth_mm"]),
+        depths=np.array(found["depth_mm"]).mean(axis=0),
     )
