@@ -47,6 +47,8 @@ def linear_force(
 
 def test_every_case_is_stored() -> None:
     assert list(TRUTH) == list(CASES)
+    for name, case in CASES.items():
+        assert list(dict.fromkeys(depth for depth, _ in TRUTH[name])) == list(case.depths_mm)
 
 
 def test_a_shallow_long_cylinder_presses_like_on_a_linear_layer() -> None:
