@@ -45,6 +45,7 @@ RUN_ELSEWHERE = {
     "improve": "optopad/verbs/test_improve.py",
     "part new": "optopad/cli/test_cli_parts.py",
     "parts": "optopad/cli/test_cli_parts.py",
+    "press": "optopad/cli/test_cli_press.py",
     "rays": "optopad/cli/test_cli_rays.py",
     "report": "optopad/verbs/test_run.py",
     "schema": "optopad/cli/test_cli_verbs.py",
@@ -148,6 +149,9 @@ def prepare(page: Path, *, with_data: bool = False) -> None:
         presses = [f"{place},{depth}" for place in ("14,14", "20,18") for depth in (-1, 1, -1)]
         Path("presses.csv").write_text("\n".join(["x_mm,y_mm,depth_mm", *presses]), encoding="utf-8")
         save_model("pad.optomodel", replace(made_up_model(), header=header(design_digest=None)))
+    if page.name == "objects.md":
+        rows = re.findall(r"```text\n(x_mm.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+        Path("presses.csv").write_text(rows[0], encoding="utf-8")
     if page.name == "own-parts.md":
         part, use, _, price, gel, shine, epoxy, walls, _, converter, *_ = toml_blocks_of(page)
         Path("my-parts.toml").write_text("\n".join([part, price, shine, gel, converter]), encoding="utf-8")

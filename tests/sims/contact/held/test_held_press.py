@@ -40,7 +40,7 @@ def cell_mm2(press: HeldPress) -> float:
 
 
 @pytest.mark.parametrize("at_mm", [MIDDLE, (5.0, 5.5)])
-@pytest.mark.parametrize("depth_mm", [0.3, 0.8, 1.6])
+@pytest.mark.parametrize("depth_mm", [0.3, 0.8, 1.3])
 def test_a_ball_is_pressed_as_in_the_library_of_solved_presses(
     at_mm: tuple[float, float], depth_mm: float
 ) -> None:

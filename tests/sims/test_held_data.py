@@ -124,6 +124,7 @@ def test_the_data_set_of_a_list(tmp_path: Path) -> None:
     np.testing.assert_allclose(kept["force_n"], [one.force_n for one in tops])
 
 
+@pytest.mark.slow
 def test_noise_is_of_the_seed_and_the_stage_reports_its_errors(tmp_path: Path) -> None:
     design = PAD.with_(**{"noise.zero_offset_set_mm": 0.05, "noise.position_error_mm": 0.1})
     presses = listed(LIST, "sphere,radius=2")
