@@ -27,6 +27,7 @@ QUOTED = re.compile(r"(?P<number>[-+]?\d[\d,]*(?:\.\d+)?)<!--(?P<name>[a-z][\w.-
 PARTS = (
     figures_of_models.contact,
     figures_of_models.walls,
+    figures_of_models.objects,
     figures_of_models.light,
     figures_of_models.renderer,
     figures_of_uses.paper,

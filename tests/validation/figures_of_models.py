@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from tests.validation.stored import ROOT, Figure, column, made, number, table, tables
+from tests.validation.stored import ROOT, Figure, Row, column, made, number, table, tables
 
 MEAN = "mean % of the pair's signal"
 """Heading of a column."""
@@ -100,6 +100,54 @@ def walls() -> Iterator[Figure]:
         yield made(page, f"walls.{name}.height", number(row[heights]), ".0f")
         yield made(page, f"walls.{name}.rms", number(pair[0]), ".1f")
         yield made(page, f"walls.{name}.worst", number(pair[1]), ".1f")
+
+
+def objects() -> Iterator[Figure]:
+    """Contact and light of objects."""
+    page = "docs/validation/objects.md"
+    depth = "% of the depth"
+    rows = table(page, "object", depth)
+
+    def widths(row: Row) -> list[float]:
+        """Errors of the half widths, without that of the area."""
+        return [number(one) for one in row["half width; x, y, area %"].split(",")[:2]]
+
+    refused = column(rows, depth, lambda row: row["covered"] == "refused")
+    yield made(page, "objects.refused.least", min(refused), ".1f")
+    yield made(page, "objects.refused.most", max(refused), ".1f")
+    for name, fitted in (("fitted", "yes"), ("short", "no")):
+        kept = [row for row in rows if (row["fitted"], row["covered"]) == (fitted, "yes")]
+        yield made(page, f"objects.{name}.force", max(map(abs, column(kept, "force %"))), ".1f")
+        yield made(page, f"objects.{name}.top", max(column(kept, depth)), ".1f")
+        yield made(page, f"objects.{name}.width", max(map(abs, (w for r in kept for w in widths(r)))), ".1f")
+
+    rows = table(page, "press", "contact radius %", depth)
+    force = [abs(one) for one in column(rows, "force %")]
+    yield made(page, "objects.ball.least", min(force), ".1f")
+    yield made(page, "objects.ball.most", max(force), ".1f")
+    yield made(page, "objects.ball.top", max(column(rows, depth)), ".1f")
+
+    grid, own = "solved top as a grid: rms, largest %", "top of the object's press: rms, largest %"
+    rows = table(page, "preset", grid)
+    yield made(page, "objects.grid", max(column(rows, grid)), ".2f")
+    cost = max(column(rows, "core-s a state", lambda row: row["preset"] == "piacenza2017-pad"))
+    yield made(page, "objects.grid.cost", cost, ".2f")
+    flat = [row for row in rows if row["preset"] != "fingertip-dome" and row[own] != "refused"]
+    share = [100 * number(row[own]) / number(row["change rms %"]) for row in flat]
+    yield made(page, "objects.share.least", min(share), ".0f")
+    yield made(page, "objects.share.most", max(share), ".0f")
+
+    light = "light: rms, largest %"
+    for row in table(page, "depth mm", "model", light):
+        if row["depth mm"] == "1":
+            name = {"objects": "object", "balls": "ball"}.get(row["model"], "mesh")
+            part = 100 * number(row[light]) / number(row["change rms %"])
+            yield made(page, f"objects.dome.{name}", part, ".0f")
+    rows = table(page, "presses", "difference: rms, largest %")
+    sizes = [(row["presses"], *row["difference: rms, largest %"].split(",")) for row in rows]
+    yield made(page, "objects.turn", number(sizes[0][1]), ".2f")
+    shallow = [number(largest) for words, _, largest in sizes if "0.3 mm deep" in words]
+    yield made(page, "objects.sum", max(shallow), ".2f")
 
 
 def light() -> Iterator[Figure]:
