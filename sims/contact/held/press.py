@@ -17,9 +17,10 @@ d = a). The second part is fitted to long cylinders of 2 and 5 mm and a punch in
 in 9 mm, for walls 32 mm apart; 0.3 is also that for 160 mm). In between, it is an assumption: for a cylinder of 3 mm,
 8 mm long and 1 mm deep, the force is 2.7 % too high.
 
-The top outside is not corrected: beside balls and cylinders it is off by at most 2 % of a depth of 0.1 h, and 5 % at
-0.3 h, most of it next to the contact, where it is too low. Contacts are 2 % narrower at 0.1 h and 4 % at 0.3 h than
-with finite strains. Nothing is computed deeper than a third of the layer.
+The top outside is not corrected. It is too low next to the contact: beside balls and the sides of cylinders by at most
+2 % of a depth of 0.1 h, and 5 % at 0.3 h; beyond the ends of a short cylinder and of a box's edge by 3 and 5 % at 0.1
+h. Contacts are 2 % narrower at 0.1 h and 4 % at 0.3 h than with finite strains. Nothing is computed deeper than a third
+of the layer, nor deeper than a sixth if the contact ends at a sharp edge or a steep side.
 
 The edge of the contact
 -----------------------
