@@ -157,9 +157,11 @@ def object_sentences(found: dict[str, Any]) -> list[tuple[str, str]]:
     alike = [
         f"{one} and {other} ({sigma:.1f} sigma)" for sigma, one, other in pairs if sigma < DEADBAND_THRESHOLD
     ]
+    more = f" and {len(alike) - SHOWN_PAIRS} more" if len(alike) > SHOWN_PAIRS else ""
     sigma, one, other = pairs[0]
     told = (
-        f"not {', nor '.join(alike)}, location, depth and turn unknown; {DEADBAND_THRESHOLD:g} sigma are needed"
+        f"{len(pairs) - len(alike)} of {len(pairs)} pairs, location, depth and turn unknown; not "
+        f"{', '.join(alike[:SHOWN_PAIRS])}{more}, less than {DEADBAND_THRESHOLD:g} sigma"
         if alike
         else f"all, location, depth and turn unknown; the closest, {one} and {other}, by {sigma:.0f} sigma"
     )
@@ -172,11 +174,10 @@ def object_sentences(found: dict[str, Any]) -> list[tuple[str, str]]:
         )
     return [
         ("told apart", told),
-        ("an edge", f"one frame gives its turn {_span(found['edge_turn_deg'], 'deg')}"),
+        ("an edge", _known("its turn", found["edge_turn_deg"], "deg")),
         (
             "a cylinder",
-            f"one frame gives its radius of {found['radius_of_tip_mm']:g} mm "
-            f"{_span(found['cylinder_radius_mm'], 'mm')}",
+            _known(f"its radius of {found['radius_of_tip_mm']:g} mm", found["cylinder_radius_mm"], "mm"),
         ),
         ("as a ball", f"a map of the ball reports {' and '.join(reported)}"),
     ]
@@ -188,11 +189,13 @@ def _deeper(values: list[float]) -> str:
     return f"{low} mm deeper" if low == high else f"{low} to {high} mm deeper"
 
 
-def _span(values: list[float | None], unit: str) -> str:
-    """A range of values in words; None is not resolved."""
+def _known(what: str, values: list[float | None], unit: str) -> str:
+    """How well one frame gives a value, in words; None is not resolved at a location."""
     known = [one for one in values if one is not None]
-    lost = f"not at all at {len(values) - len(known)} of {len(values)} locations"
     if not known:
-        return lost
+        return f"one frame does not give {what}"
     words = f"{min(known):.2g}" if len(known) == 1 else f"{min(known):.2g} to {max(known):.2g}"
-    return f"within {words} {unit}" + (f", {lost}" if len(known) < len(values) else "")
+    lost = len(values) - len(known)
+    return f"one frame gives {what} within {words} {unit}" + (
+        f", but not at {lost} of {len(values)} locations" if lost else ""
+    )
