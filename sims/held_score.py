@@ -30,6 +30,8 @@ on a grid around it, and the press of the ball that is nearest to the frame of a
 squares. This is the location and depth that such a map reports of the object. The ball itself is the control: what it
 is moved by is the error of this method.
 
+Pairs that reach full scale under any of the presses are left out of distances and bounds.
+
 The model leaves out friction, the weight of the object, several objects at once, and the gains' drift in the search for
 the nearest press.
 """
@@ -221,8 +223,8 @@ def score_objects(draft: Draft, *, seed: int = 0, on_step: OnStep | None = None)
 
     halves = [traced(half) for half in range(2)]
     frames = np.stack([one.units.reshape(len(asked), -1) for one in halves])
-    clipped = np.stack([_is_clipped(one) for one in halves]).any(axis=0)
-    frames[:, clipped] = 0.0  # a reading at full scale tells nothing
+    is_clipped = np.stack([_is_clipped(one) for one in halves]).any(axis=(0, 1))
+    frames[:, :, is_clipped] = 0.0  # a pair that reaches full scale under any press is left out
     shape = (len(places), len(objects))
     slopes = [
         [_slopes(frames, motions[number * len(objects) + k]) for k in range(len(objects))]
