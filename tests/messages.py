@@ -29,7 +29,7 @@ from tests.design.rules import test_shape_rules
 from tests.optopad.cli import test_cli_bad_input, test_cli_explore, test_cli_parts, test_cli_rays, test_studio
 from tests.optopad.screen.test_one_screen import LACKS, SCORES, cause
 from tests.optopad.verbs import test_improve
-from tests.sims.readings import test_held_data
+from tests.sims import test_held_data
 
 FILE = Path(__file__).with_name("messages.txt")
 

@@ -94,6 +94,7 @@ def test_a_turned_mesh_is_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert len(calls) == 1
 
 
+@pytest.mark.slow
 def test_the_data_set_of_a_list(tmp_path: Path) -> None:
     """Without noise, counts are gain times the light of the same presses; learners find each sample's press."""
     presses, design = listed(LIST, "sphere,radius=2"), without_noise(PAD)

@@ -113,6 +113,7 @@ def test_the_response_of_the_pad_is_symmetric() -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_disc_answers_as_finite_elements_that_are_symmetric_about_its_axis() -> None:
     thickness, radius, width = 6.0, 8.0, 2.5
     outline = outline_in("disc", (0.0, 0.0, 2.0 * radius, 2.0 * radius))
