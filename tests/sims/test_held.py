@@ -63,6 +63,7 @@ def image_of(parts) -> list[int]:
     return away.argmin(axis=1).tolist()
 
 
+@pytest.mark.slow
 def test_a_cylinder_turned_by_a_quarter_gives_the_turned_frame(turned, light):
     change, error = light
     cavity = draft().cavity
@@ -75,6 +76,7 @@ def test_a_cylinder_turned_by_a_quarter_gives_the_turned_frame(turned, light):
     assert np.sqrt(np.mean((off / np.maximum(both, 1e-6))[both > 1e-6] ** 2)) < 1.5
 
 
+@pytest.mark.slow
 def test_two_balls_far_apart_change_the_light_by_the_sum_of_both(turned, light):
     one, other, together = light[0][2:]
     assert np.abs(one).max() > 0.1

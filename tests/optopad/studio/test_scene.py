@@ -103,7 +103,7 @@ def test_a_part_goes_where_the_pointer_drags_its_face(name: str) -> None:
             )  # a step of `moved`
 
 
-@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("name", ["piacenza2017-pad", "gripper-stadium", "crowned-40x25"])
 @pytest.mark.parametrize("text", ["cylinder,yaw=30", "box,pose=edge", "torus,pitch=20"])
 def test_an_object_goes_as_deep_into_the_untouched_top_as_it_is_pressed(name: str, text: str) -> None:
     with scene_of(name) as (scene, session, server):
