@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from optopad.verbs.compare import compare as compare
     from optopad.verbs.improve import improve as improve
     from optopad.verbs.predict import predict as predict
+    from optopad.verbs.press import press as press
     from optopad.verbs.run import run as run
     from optopad.verbs.score import score as score
     from optopad.verbs.sweep import sweep as sweep
@@ -46,6 +47,7 @@ __all__ = [
     "load_model",
     "predict",
     "presets",
+    "press",
     "read_recording",
     "run",
     "save",

@@ -1,4 +1,5 @@
-"""Functions of `import optopad`: load, check, score, sweep, compare, improve, predict, run, load_model, read_recording.
+"""Functions of `import optopad`: load, check, score, sweep, compare, improve, predict, press, run, load_model,
+read_recording.
 
 Most functions take a design and return a result; nothing is printed. Long computations take `on_step`, a function that
 is called with a step's name and its finished fraction. They write files into the bundles in the folder `out`, as the
@@ -97,6 +98,7 @@ _LATER = {
     "compare": "optopad.verbs.compare",
     "improve": "optopad.verbs.improve",
     "predict": "optopad.verbs.predict",
+    "press": "optopad.verbs.press",
     "run": "optopad.verbs.run",
     "score": "optopad.verbs.score",
     "sweep": "optopad.verbs.sweep",

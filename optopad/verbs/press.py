@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -31,6 +30,45 @@ from optopad.work import OUT
 STEM = "press-objects"
 
 
+def press(
+    design: SensorDesign,
+    *objects: str,
+    at: tuple[float, float] | None = None,
+    depth: float | None = None,
+    force: float | None = None,
+    seed: int = 0,
+    on_step: OnStep | None = None,
+) -> HeldView:
+    """Compute what a pad sees of objects that press it as one; nothing is written.
+
+    Parameters
+    ----------
+    objects : each as ``cylinder,radius=5,yaw=30``, or a file with tables [object]; a sphere if none is given
+    at : x, y of the press in the cavity [mm]; the middle if left out
+    depth : depth from first touch [mm]; 1 if neither it nor a force is given
+    force : force in place of a depth [N]
+
+    Raises
+    ------
+    DesignError, InputError, ModelScopeError : the design breaks a rule, or a press is invalid or outside the models.
+    """
+    require_valid(design)
+    draft, tell = Draft.of(design), on_step or (lambda _stage, _share: None)
+    asked = asked_press(draft, objects, at, depth, force)
+    tell("objects", 0.0)
+    found = pressed(draft, asked)
+    tell("objects", 1.0)
+    light = held_light(
+        draft,
+        [found],
+        reflectance=asked.reflectance,
+        accuracy="standard",
+        seed=seed,
+        on_step=lambda done, total: tell("light", done / total),
+    )
+    return HeldView(draft=draft, asked=asked, press=found, light=light, young=draft.modulus)
+
+
 @verb(
     object=typed("KIND,KEY=VALUE|FILE"),
     at=typed("X,Y"),
@@ -40,7 +78,7 @@ STEM = "press-objects"
     out=typed("FOLDER", type=Path, callback=require_folder),
     set_before="out",
 )
-def press(
+def press_command(
     design: SensorDesign,
     *,
     object: Sequence[str] = (),
@@ -64,31 +102,20 @@ def press(
     presses : Make a data set of many presses, a row each: x_mm, y_mm, depth_mm or force_n; also object and its keys.
     out : Also write the picture, as SVG and PNG, into the bundle in this folder.
     """
-    require_valid(design)
     if presses is not None:
         for name, given in (("--at", at), ("--depth", depth), ("--force", force)):
             if given is not None:
                 raise InputError(f"{name}: does not go with --list, which has presses of its own; drop one")
         return _data_set(design, presses, object, Path(OUT) if out is None else out, seed, on_step)
-    draft = Draft.of(design)
-    asked = asked_press(draft, object, at, depth, force)
-    on_step("objects", 0.0)
-    found = pressed(draft, asked)
-    on_step("objects", 1.0)
-    light = held_light(
-        draft,
-        [found],
-        reflectance=asked.reflectance,
-        accuracy="standard",
-        seed=seed,
-        on_step=lambda done, total: on_step("light", done / total),
-    )
-    view = HeldView(draft=draft, asked=asked, press=found, light=light, young=draft.modulus)
+    place, force_n = None if at is None else _place(at), None if force is None else _newtons(force)
+    view = press(design, *object, at=place, depth=depth, force=force_n, seed=seed, on_step=on_step)
     if out is None:
         return view
     with bundle(design, out, seed=seed) as folder, plain_style():
         (folder / "sims").mkdir(exist_ok=True)
-        files = write_plot(plot_held(draft, found.top, view.changes, view.words), folder / "sims" / STEM)
+        files = write_plot(
+            plot_held(view.draft, view.press.top, view.changes, view.words), folder / "sims" / STEM
+        )
     return replace(view, files=tuple(out / bundle_name(design) / "sims" / file.name for file in files))
 
 
@@ -96,6 +123,7 @@ def _data_set(
     design: SensorDesign, file: Path, objects: Sequence[str], out: Path, seed: int, on_step: OnStep
 ) -> Told:
     """Write the data set of a list of presses into the bundle."""
+    require_valid(design)
     held = [one for text in objects for one in _held(text)]
     if len(held) > 1:
         raise InputError(
@@ -119,22 +147,25 @@ def _data_set(
 
 
 def asked_press(
-    draft: Draft, objects: Sequence[str], at: str | None, depth_mm: float | None, force: str | None
+    draft: Draft,
+    objects: Sequence[str],
+    at: tuple[float, float] | None,
+    depth_mm: float | None,
+    force_n: float | None,
 ) -> AskedPress:
-    """The press that the options of a command describe.
+    """The press that is asked for.
 
     Raises
     ------
-    DesignError, InputError : an object, a place, a depth or a force is invalid.
+    DesignError, InputError : an object or a depth is invalid.
     """
     held = tuple(one for text in objects or ("sphere",) for one in _held(text))
-    force_n = None if force is None else _number(force, "N", "--force")
     if depth_mm is not None and not (math.isfinite(depth_mm) and depth_mm >= 0.0):
         raise InputError(
-            f"--depth: {depth_mm:g} mm is refused: depth is measured from first touch down; give 0 or more"
+            f"--depth: {depth_mm:g} mm is refused: it is measured from first touch down; give 0 or more"
         )
     is_open = force_n is None and any(one.depth is None for one in held)
-    place = _middle(draft, held) if at is None else _place(at)
+    place = _middle(draft, held) if at is None else at
     return AskedPress(
         held=held, at_mm=place, depth_mm=1.0 if depth_mm is None and is_open else depth_mm, force_n=force_n
     )
@@ -163,12 +194,11 @@ def _place(text: str) -> tuple[float, float]:
     return x, y
 
 
-def _number(text: str, unit: str, name: str) -> float:
-    found = re.fullmatch(rf"\s*([0-9.eE+-]+)\s*{unit}?\s*", text)
+def _newtons(text: str) -> float:
     try:
-        value = float(found[1]) if found else math.nan
+        value = float(text.strip().removesuffix("N"))
     except ValueError:
         value = math.nan
     if not (math.isfinite(value) and value > 0.0):
-        raise InputError(f"{name}: {shown(text)} is refused: write a force above 0 in newtons, as 2{unit}")
+        raise InputError(f"--force: {shown(text)} is refused: write a force above 0 in newtons, as 2N")
     return value
