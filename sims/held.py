@@ -35,6 +35,8 @@ from optopad.sims.verdict.depth_curve import noise_units
 from optopad.sims.verdict.presses import untouched_flux
 
 Place = tuple[float, float]
+FRAME_TURN_DEG = 90.0
+"""Turn of the press frame's first axis from the cavity's x on a cylinder that is straight along y [deg]."""
 AT_ONCE = 32
 """Tops that are held in memory together; each has 1 to 3 MB."""
 RIM_STEP_MM = 0.5
@@ -66,10 +68,10 @@ class AskedPress:
         ------
         InputError : the objects have different finishes.
         """
-        finishes = {one.finish for one in self.held}
+        finishes = dict.fromkeys(one.finish or "that of the design's tip" for one in self.held)
         if len(finishes) > 1:
             raise InputError(
-                f"finish: {', '.join(str(one) for one in finishes)} in one press; the light model has one reflectance "
+                f"finish: {', '.join(finishes)} in one press; the light model has one reflectance "
                 "for all that touches; give all objects the same finish"
             )
         found = self.held[0].reflectance
@@ -126,7 +128,9 @@ def require_asked(draft: Draft, asked: AskedPress) -> None:
             raise InputError(
                 f"depth: none is given for {asked.held[depths.index(None)].words}; add --depth or --force"
             )
-    elif asked.depth_mm is not None:
+        if asked.depth_mm is not None and None not in depths:
+            raise InputError("--depth: every object has a depth of its own; drop one")
+    elif asked.depth_mm is not None or (len(depths) == 1 and depths[0] is not None):
         raise InputError("--depth: does not go with --force, which decides the depth; drop one")
     if draft.wall_index is not None:
         raise ModelScopeError(
@@ -149,41 +153,43 @@ def pressed(draft: Draft, asked: AskedPress) -> HeldPress:
     contact, top = contact_of(draft.design), draft.plan.top
     origin, axes = top.press_frame(*asked.at_mm)
     x_mm, y_mm = grid_of(contact, asked.at_mm)
-    turn = math.degrees(math.atan2(axes[0, 1], axes[0, 0]))
+    turn = FRAME_TURN_DEG if top.straight == "y" else 0.0
     depths = [_depth(one, asked) for one in asked.held]
     wall_mm = max(draft.outline.wall_x_mm, draft.outline.wall_y_mm) if top.is_flat else 0.0
     around = RIM_STEP_MM * np.arange(1, math.ceil(wall_mm / RIM_STEP_MM) + 1)
     pad = tuple(slice(len(around), len(around) + len(one)) for one in (x_mm, y_mm))
     wide_x, wide_y = (np.concatenate([one[0] - around[::-1], one, one[-1] + around]) for one in (x_mm, y_mm))
     sag_mm = top.in_frame.sag_mm(*np.meshgrid(wide_x, wide_y, indexing="ij"))
-    bottoms = np.full((len(wide_x), len(wide_y)), np.inf)
+    each = []
     for one, depth in zip(asked.held, depths, strict=True):
         x, y = _place(one, asked)
         at = axes[:2] @ (np.array([x, y, float(top.height_mm(x, y))]) - origin)
         own = bottom_mm(one.model_copy(update={"yaw": one.yaw - turn}), wide_x - at[0], wide_y - at[1])
         if len(depths) > 1 and not top.is_flat:
             own -= float(np.nanmin(own + sag_mm))  # each from its own first touch
-        bottoms = np.minimum(bottoms, own + max(depths) - depth)
+        each.append(own + max(depths) - depth)
+    bottoms = np.min(each, axis=0)
     if asked.force_n is not None:
         found = held_press(contact, asked.at_mm, bottoms[pad], force_n=asked.force_n)
-        _require_rim(draft, asked, bottoms - found.depth_mm, wide_x, wide_y)
+        _require_rim(draft, asked, np.array(each) - found.depth_mm, wide_x, wide_y)
         return found
-    _require_rim(draft, asked, bottoms - max(depths), wide_x, wide_y)
+    _require_rim(draft, asked, np.array(each) - max(depths), wide_x, wide_y)
     return held_press(contact, asked.at_mm, bottoms[pad], depth_mm=max(depths))
 
 
 def _require_rim(
     draft: Draft, asked: AskedPress, above_mm: FloatArray, x_mm: FloatArray, y_mm: FloatArray
 ) -> None:
-    """Refuse objects that touch the rim around a flat pad, given their heights above the pad's top."""
+    """Refuse objects that touch the rim around a flat pad, given each one's heights (object, nx, ny) above its top."""
     if not draft.plan.top.is_flat:
         return
     x, y = asked.at_mm
     out_mm = -draft.plan.outline.gap_mm(*np.meshgrid(x + x_mm, y + y_mm, indexing="ij"))
-    if ((out_mm >= -1e-9) & (above_mm < rim_height_mm(draft.outline, out_mm) - 1e-9)).any():
+    touches = (out_mm >= -1e-9) & (above_mm < rim_height_mm(draft.outline, out_mm) - 1e-9)
+    for one in np.flatnonzero(touches.any(axis=(1, 2)))[:1]:
         rim_mm = draft.outline.highest_mm - draft.outline.fill_mm
         raise ModelScopeError(
-            f"objects: {asked.held[0].words} would touch the rim around the pad, {rim_mm:.3g} mm above it; take a "
+            f"objects: {asked.held[one].words} would touch the rim around the pad, {rim_mm:.3g} mm above it; take a "
             "smaller object, move it to the middle, or lower mold.rim_mm"
         )
 

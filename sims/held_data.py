@@ -281,7 +281,7 @@ def _solved(draft: Draft, presses: Sequence[ListedPress], on_step: OnStep) -> li
             raise type(err)(f"{one.where}: {err}") from None
         found[number] = press.depth_mm, press.force_n
         done += 1
-        on_step("contact", done / len(presses))
+        on_step("objects", done / len(presses))
 
     for one in presses:
         try:

@@ -53,6 +53,7 @@ from optopad.design.pad import Pad
 from optopad.design.progress import OnStep
 from optopad.design.rules.shape import NEAREST_WALL
 from optopad.sims.bounds.fisher import SEED_GAP, Sensitivity, information, information_error
+from optopad.sims.contact.held.press import HeldPress
 from optopad.sims.contact.scope import contact_of
 from optopad.sims.held import AskedPress, HeldLight, Place, all_pressed, held_light, pressed, require_asked
 from optopad.sims.learning.traced_map import SignalMap
@@ -68,7 +69,7 @@ LENGTH, EDGE = 3.0, 0.2
 """Length of cylinder and edge, and radius of edges, in tip radii."""
 DEEP = 1.0 / 3.0
 """Depth of the ball that determines the force [tip radii]."""
-LESS_FORCE = 0.7
+LESS_FORCE, LEAST_FORCE_N = 0.7, 0.01
 STEP_MM, TURN_STEP_DEG, RADIUS_STEP = 0.25, 5.0, 0.1
 """Steps of location and depth [mm], of the turn [deg], and of the radius over itself [-], each way."""
 ACCURACY = "score"
@@ -201,16 +202,7 @@ def score_objects(draft: Draft, *, seed: int = 0, on_step: OnStep | None = None)
     tell = on_step or (lambda _stage, _share: None)
     objects = standard_objects(draft.design.indenter.tip_radius_mm)
     places = places_of(draft)
-    force_n, base = _equal_force(draft, objects, places, tell)
-    asked: list[AskedPress] = []
-    motions: list[list[Motion]] = []
-    for number, at in enumerate(places):
-        for k, held in enumerate(objects.values()):
-            asked.append(AskedPress(held=(held,), at_mm=at, depth_mm=base[number, k]))
-    for number, at in enumerate(places):
-        for k, held in enumerate(objects.values()):
-            motions.append(_motions(asked, held, at, float(base[number, k])))
-    solved = all_pressed(draft, asked, lambda done, total: tell("objects", 0.2 + 0.8 * done / total))
+    force_n, base, asked, motions, solved = _solved(draft, objects, places, tell)
 
     def traced(half: int) -> HeldLight:
         return held_light(
@@ -261,32 +253,42 @@ def score_objects(draft: Draft, *, seed: int = 0, on_step: OnStep | None = None)
 
 def require_objects(draft: Draft) -> None:
     """Refuse a pad whose light under objects is not modelled, before any work; errors are those of `require_asked`."""
-    for at in places_of(draft):
-        for held in standard_objects(draft.design.indenter.tip_radius_mm).values():
-            require_asked(draft, AskedPress(held=(held,), at_mm=at, depth_mm=0.0))
+    ball = standard_objects(draft.design.indenter.tip_radius_mm)["ball"]
+    for x, y in places_of(draft):
+        for at in ((x - STEP_MM, y), (x + STEP_MM, y), (x, y - STEP_MM), (x, y + STEP_MM)):
+            require_asked(draft, AskedPress(held=(ball,), at_mm=at, depth_mm=0.0))
 
 
-def _equal_force(
+def _solved(
     draft: Draft, objects: dict[str, HeldObject], places: Sequence[Place], tell: OnStep
-) -> tuple[float, FloatArray]:
-    """The force of all presses [N], and the (place, object) depths that need it [mm]."""
+) -> tuple[float, FloatArray, list[AskedPress], list[list[Motion]], list[HeldPress]]:
+    """The force of all presses [N], the (place, object) depths that need it [mm], and the contacts of all presses.
+
+    The presses are the objects, then those beside each of them. The force is lowered until the models cover all.
+    """
     ball, deep_mm = objects["ball"], DEEP * draft.design.indenter.tip_radius_mm
     deep_mm = min(deep_mm, 0.5 * draft.design.operating.max_depth_mm)
     force_n = pressed(draft, AskedPress(held=(ball,), at_mm=places[0], depth_mm=deep_mm)).force_n
+    each = [(at, held) for at in places for held in objects.values()]
     while True:
         try:
-            presses = [
-                AskedPress(held=(held,), at_mm=at, force_n=force_n)
-                for at in places
-                for held in objects.values()
+            equal = [AskedPress(held=(held,), at_mm=at, force_n=force_n) for at, held in each]
+            found = all_pressed(draft, equal, lambda done, total: tell("objects", 0.2 * done / total))
+            depth_mm = [one.depth_mm for one in found]
+            asked = [
+                AskedPress(held=(held,), at_mm=at, depth_mm=deep)
+                for (at, held), deep in zip(each, depth_mm, strict=True)
             ]
-            found = all_pressed(draft, presses, lambda done, total: tell("objects", 0.2 * done / total))
+            motions = [
+                _motions(asked, held, at, deep) for (at, held), deep in zip(each, depth_mm, strict=True)
+            ]
+            solved = all_pressed(draft, asked, lambda done, total: tell("objects", 0.2 + 0.8 * done / total))
         except ModelScopeError:
             force_n *= LESS_FORCE
-            if force_n < 1e-2:
+            if force_n < LEAST_FORCE_N:
                 raise
             continue
-        return force_n, np.array([one.depth_mm for one in found]).reshape(len(places), -1)
+        return force_n, np.array(depth_mm).reshape(len(places), -1), asked, motions, solved
 
 
 def _motions(asked: list[AskedPress], held: HeldObject, at: Place, depth_mm: float) -> list[Motion]:

@@ -47,8 +47,13 @@ class HeldView(Result):
     def words(self) -> str:
         """What presses, where and how deep."""
         x, y = self.asked.at_mm
-        things = " and ".join(one.words for one in self.asked.held)
-        return f"{things}, {self.press.depth_mm:.3g} mm deep at {x:g}, {y:g} mm"
+        if len(self.asked.held) == 1:
+            return f"{self.asked.held[0].words}, {self.press.depth_mm:.3g} mm deep at {x:g}, {y:g} mm"
+        places = [(x if one.x is None else one.x, y if one.y is None else one.y) for one in self.asked.held]
+        each = [
+            f"{one.words}, at {a:g}, {b:g} mm" for one, (a, b) in zip(self.asked.held, places, strict=True)
+        ]
+        return f"{'; '.join(each)}; the deepest {self.press.depth_mm:.3g} mm"
 
     @cached_property
     def changes(self) -> FloatArray:
@@ -137,6 +142,8 @@ class HeldView(Result):
 
 def object_lines(found: dict[str, Any]) -> list[str]:
     """What a pad tells of objects, from the data of `ObjectScore.to_json`; the most important first."""
+    if "refused" in found:
+        return [labelled("objects", f"not computed: {found['refused']}")]
     names, count = list(found["objects"]), len(found["places_mm"])
     sentences = object_sentences(found)
     return [

@@ -164,6 +164,8 @@ def asked_press(
         raise InputError(
             f"--depth: {depth_mm:g} mm is refused: it is measured from first touch down; give 0 or more"
         )
+    if at is not None and len(held) == 1 and not (held[0].x is None and held[0].y is None):
+        raise InputError("--at: the object has x or y of its own; drop one")
     is_open = force_n is None and any(one.depth is None for one in held)
     place = _middle(draft, held) if at is None else at
     return AskedPress(
@@ -173,7 +175,7 @@ def asked_press(
 
 def _held(text: str) -> tuple[HeldObject, ...]:
     """Objects from a text or, if it names one, from a file."""
-    return read_held(Path(text)) if text.endswith(".toml") else (held_of(text),)
+    return read_held(Path(text)) if text.lower().endswith(".toml") else (held_of(text),)
 
 
 def _middle(draft: Draft, held: Sequence[HeldObject]) -> tuple[float, float]:

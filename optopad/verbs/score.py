@@ -8,7 +8,7 @@ from typing import Any
 
 from optopad.bundle_parts import ANSWER, answer_parts, scored, write_pages
 from optopad.cli.verb import Asked, verb
-from optopad.design.errors import InputError
+from optopad.design.errors import InputError, ModelScopeError
 from optopad.design.io import write_text_atomically
 from optopad.design.pad import Pad
 from optopad.design.progress import OnStep
@@ -146,12 +146,13 @@ def _written(
     return score, out / name, of_objects
 
 
-def _of_objects(
-    pad: Pad, folder: Path, score: ContinuityScore, seed: int, on_step: OnStep
-) -> dict[str, Any] | None:
-    """Compute and write what the pad tells of objects; None if the models give no verdict on the design."""
+def _of_objects(pad: Pad, folder: Path, score: ContinuityScore, seed: int, on_step: OnStep) -> dict[str, Any]:
+    """Compute and write what the pad tells of objects; if the models do not cover them, only the reason is returned."""
     if score.readout is None:
-        return None
-    found = score_objects(pad, seed=seed, on_step=on_step).to_json()
+        return {"refused": "the models give no verdict on this design"}
+    try:
+        found = score_objects(pad, seed=seed, on_step=on_step).to_json()
+    except ModelScopeError as err:
+        return {"refused": str(err)}
     write_text_atomically(folder / "sims" / OBJECTS, json.dumps(found, indent=2) + "\n")
     return found

@@ -36,7 +36,7 @@ def plot_held(draft: Draft, top: GridTop, changes: FloatArray, title: str) -> Fi
     height_in = PANEL_IN * plan.width_mm / plan.length_mm + 1.1
     figure = Figure(figsize=(2.0 * PANEL_IN, height_in), layout="constrained")
     surface, pairs = figure.subplots(1, 2)
-    figure.suptitle(title, fontsize=9, color=INK)
+    figure.suptitle(title, fontsize=9, color=INK, parse_math=False)
     for ax in (surface, pairs):
         _draw_pad(ax, draft, is_named=True)
     x, y = _plan_of(draft, top)

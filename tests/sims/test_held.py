@@ -122,6 +122,18 @@ def test_objects_with_depths_of_their_own_press_so_deep():
         assert lowest == pytest.approx(depth, abs=0.005)
 
 
+def test_a_turn_on_a_dome_keeps_its_mirror_symmetry():
+    """Beside the apex, on the diagonal, turns by 0 and 90 degrees are mirror images, and so are 30 and 60."""
+    dome, at = draft("fingertip-dome"), (14.0, 14.0)
+
+    def force_n(yaw: float) -> float:
+        held = (held_of(f"cylinder,radius=2,length=4,yaw={yaw:g}"),)
+        return pressed(dome, AskedPress(held=held, at_mm=at, depth_mm=0.4)).force_n
+
+    assert force_n(0.0) == pytest.approx(force_n(90.0), rel=2e-3)
+    assert force_n(30.0) == pytest.approx(force_n(60.0), rel=2e-3)
+
+
 BAD = [
     (("sphere",), {"at_mm": (2.0, 2.0), "depth_mm": 1.0}, ModelScopeError, "outside the workspace"),
     (("sphere,x=40,y=16",), {"depth_mm": 1.0}, ModelScopeError, "outside the workspace"),
@@ -134,6 +146,14 @@ BAD = [
         "the same finish",
     ),
     (("cylinder,radius=5,length=100",), {"depth_mm": 1.0}, ModelScopeError, "rim"),
+    (("sphere,depth=1",), {"depth_mm": 1.0}, InputError, "a depth of its own"),
+    (("sphere,depth=1",), {"force_n": 1.0}, InputError, "does not go with --force"),
+    (
+        ("sphere,radius=1", "box,length=100,width=100,y=16"),
+        {"depth_mm": 0.1},
+        ModelScopeError,
+        "a box .* rim",
+    ),
     (("sphere",), {"depth_mm": 3.5}, ModelScopeError, "press less deep"),
     (("box",), {"depth_mm": 2.0}, ModelScopeError, "sharp edge"),
     (("sphere",), {"force_n": 500.0}, ModelScopeError, "press with less force"),

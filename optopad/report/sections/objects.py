@@ -19,6 +19,10 @@ from optopad.sims.plots.held import plot_objects
 from optopad.sims.plots.style import plain_style, svg_text
 
 NAME = "objects"
+USED = {
+    "objects", "force_n", "radius_of_tip_mm", "places_mm", "depth_mm", "apart_sigma", "edge_turn_deg",
+    "cylinder_radius_mm", "changes_sigma", "as_ball",
+}  # fmt: skip
 
 
 def objects_of(folder: Path) -> dict[str, Any] | None:
@@ -28,7 +32,7 @@ def objects_of(folder: Path) -> dict[str, Any] | None:
         found: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
-    return found if isinstance(found, dict) and "changes_sigma" in found else None
+    return found if isinstance(found, dict) and found.keys() >= USED else None
 
 
 def objects_drawing(design: SensorDesign, found: dict[str, Any]) -> Drawing:

@@ -16,11 +16,12 @@ from collections.abc import Callable
 import numpy as np
 
 from optopad.design.arrays import FloatArray
+from optopad.design.errors import ModelScopeError
 
 MOST_STEPS = 1000
 
 
-class NotSettledError(RuntimeError):
+class NotSettledError(ModelScopeError):
     """The conjugate gradients did not settle."""
 
 
@@ -63,4 +64,7 @@ def contact_pressure(
             now = moved(pressure) + gap
         else:
             now = now - length * answer
-    raise NotSettledError(f"the pressure under the objects did not settle within {MOST_STEPS} steps")
+    raise NotSettledError(
+        f"objects: the pressure under them did not settle within {MOST_STEPS} steps; press less deep, or take rounder "
+        "edges"
+    )

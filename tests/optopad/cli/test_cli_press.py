@@ -63,6 +63,7 @@ REFUSED = [
     (("--force", "strong"), "write a force above 0 in newtons"),
     (("--force", "1", "--depth", "1"), "does not go with --force"),
     (("--depth", "-1"), "give 0 or more"),
+    (("--object", "sphere,x=8,y=6", "--at", "12,7"), "x or y of its own"),
     (("--object", "cylinder,radius=1e9"), "radius"),
     (("--object", "none.toml"), "none.toml"),
     (("--list", "none.csv"), "none.csv"),

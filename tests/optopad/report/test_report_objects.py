@@ -56,6 +56,10 @@ def test_the_screen_says_what_is_alike_known_and_mistaken():
     assert "one frame does not give its turn" in text
 
 
+def test_the_screen_says_why_nothing_is_said_of_objects():
+    assert object_lines({"refused": "depth: too deep"}) == ["objects     not computed: depth: too deep"]
+
+
 def test_the_page_has_the_section_if_the_figures_are_there(tmp_path: Path):
     assert objects_of(tmp_path) is None
     assert objects_section(None, {}) == ""
