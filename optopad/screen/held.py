@@ -86,7 +86,7 @@ class HeldView(Result):
             labelled(
                 "contact",
                 f"{press.area_mm2:.3g} mm2; largest pressure {press.pressure_mpa.max():.2g} MPa; the top rises by up "
-                f"to {highest:.0f} um beside it",
+                f"to {highest:.0f} um next to it",
             ),
             labelled(
                 "signals",
@@ -166,7 +166,7 @@ def object_sentences(found: dict[str, Any]) -> list[tuple[str, str]]:
     ]
     more = f" and {len(alike) - SHOWN_PAIRS} more" if len(alike) > SHOWN_PAIRS else ""
     sigma, one, other = pairs[0]
-    told = (
+    distinct = (
         f"{len(pairs) - len(alike)} of {len(pairs)} pairs, location, depth and turn unknown; not "
         f"{', '.join(alike[:SHOWN_PAIRS])}{more}, less than {DEADBAND_THRESHOLD:g} sigma"
         if alike
@@ -175,12 +175,12 @@ def object_sentences(found: dict[str, Any]) -> list[tuple[str, str]]:
     reported = []
     for name in ("edge", "cylinder"):
         as_ball = found["as_ball"][name]
-        beside = f"{max(as_ball['moved_mm']):.1f} mm{' or more' if any(as_ball['is_beyond']) else ''} beside"
+        away = f"{max(as_ball['moved_mm']):.1f} mm{' or more' if any(as_ball['is_beyond']) else ''} away"
         reported.append(
-            f"{'an' if name == 'edge' else 'a'} {name} up to {beside} and {_deeper(as_ball['deeper_mm'])}"
+            f"{'an' if name == 'edge' else 'a'} {name} up to {away} and {_deeper(as_ball['deeper_mm'])}"
         )
     return [
-        ("told apart", told),
+        ("distinct", distinct),
         ("an edge", _known("its turn", found["edge_turn_deg"], "deg")),
         (
             "a cylinder",

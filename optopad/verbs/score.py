@@ -73,7 +73,7 @@ def score_command(
     full : A map of 11 locations per side with steps of 0.1 mm, with the usual light.
     tolerance : Also run a Monte Carlo over all tolerances and report how many units keep the verdict.
     builds : Units of the Monte Carlo of --tolerance (200 if left out).
-    objects : Also report what the pad tells of a cylinder, an edge, a face and a corner beside the ball.
+    objects : Also report what the pad tells of a cylinder, an edge, a face and a corner, compared with the ball.
     """
     drawn = _drawn_builds(tolerance, builds)
     pad = Pad.of(design)

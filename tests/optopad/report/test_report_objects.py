@@ -43,11 +43,11 @@ def figures(**changed: Any) -> dict[str, Any]:
 def test_the_screen_says_what_is_alike_known_and_mistaken():
     text = "\n".join(object_lines(figures()))
     for words in (
-        "told apart  9 of 10 pairs, location, depth and turn unknown; ",
+        "distinct    9 of 10 pairs, location, depth and turn unknown; ",
         "not edge and cylinder (2.4 sigma), less than 3 sigma",
         "turn within 0.7 to 1.1 deg",
         "radius of 1.5 mm within 0.15 mm, but not at 1 of 2 locations",
-        "an edge up to 0.7 mm beside and +0.1 to +0.3 mm deeper",
+        "an edge up to 0.7 mm away and +0.1 to +0.3 mm deeper",
     ):
         assert words in text
     clear = figures(apart_sigma=np.full((2, 5, 5), 9.0).tolist(), edge_turn_deg=[None, None])
