@@ -35,8 +35,6 @@ from optopad.sims.verdict.depth_curve import noise_units
 from optopad.sims.verdict.presses import untouched_flux
 
 Place = tuple[float, float]
-FRAME_TURN_DEG = 90.0
-"""Turn of the press frame's first axis from the cavity's x on a cylinder that is straight along y [deg]."""
 AT_ONCE = 32
 """Tops that are held in memory together; each has 1 to 3 MB."""
 RIM_STEP_MM = 0.5
@@ -153,7 +151,6 @@ def pressed(draft: Draft, asked: AskedPress) -> HeldPress:
     contact, top = contact_of(draft.design), draft.plan.top
     origin, axes = top.press_frame(*asked.at_mm)
     x_mm, y_mm = grid_of(contact, asked.at_mm)
-    turn = FRAME_TURN_DEG if top.straight == "y" else 0.0
     depths = [_depth(one, asked) for one in asked.held]
     wall_mm = max(draft.outline.wall_x_mm, draft.outline.wall_y_mm) if top.is_flat else 0.0
     around = RIM_STEP_MM * np.arange(1, math.ceil(wall_mm / RIM_STEP_MM) + 1)
@@ -164,7 +161,9 @@ def pressed(draft: Draft, asked: AskedPress) -> HeldPress:
     for one, depth in zip(asked.held, depths, strict=True):
         x, y = _place(one, asked)
         at = axes[:2] @ (np.array([x, y, float(top.height_mm(x, y))]) - origin)
-        own = bottom_mm(one.model_copy(update={"yaw": one.yaw - turn}), wide_x - at[0], wide_y - at[1])
+        own = bottom_mm(
+            one.model_copy(update={"yaw": one.yaw - top.frame_turn_deg}), wide_x - at[0], wide_y - at[1]
+        )
         if len(depths) > 1 and not top.is_flat:
             own -= float(np.nanmin(own + sag_mm))  # each from its own first touch
         each.append(own + max(depths) - depth)

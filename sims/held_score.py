@@ -1,4 +1,4 @@
-"""What a pad tells of the objects that a gripper holds: which it can tell apart, angles and radii, and false locations.
+"""How a pad distinguishes the objects that a gripper holds: distances, angles and radii, and false locations.
 
 The objects
 -----------
@@ -7,9 +7,9 @@ tip. All press with the same force at the same locations. The force is that of t
 deep, or less if another object would then go beyond the contact model. All but the ball are turned by `TURNED_DEG`, so
 that no axis of the pad is special.
 
-Telling apart
--------------
-Two objects are told apart if no press of one gives the frame of the other. With frames u in noise units, and the change
+Distinct objects
+----------------
+Two objects are distinct if no press of one gives the frame of the other. With frames u in noise units, and the change
 of u with location, depth and turn, J, the least squared distance of one object from all presses of the other is
 
     D² = Δᵀ (1 - J (JᵀJ)⁻¹ Jᵀ) Δ,    Δ = u(one) - u(other),
@@ -103,7 +103,7 @@ class Mistaken:
 
 @dataclass(frozen=True, kw_only=True)
 class ObjectScore:
-    """What a pad tells of objects.
+    """How a pad distinguishes objects.
 
     Attributes
     ----------
@@ -193,7 +193,7 @@ def places_of(draft: Draft) -> tuple[Place, ...]:
 
 
 def score_objects(draft: Draft, *, seed: int = 0, on_step: OnStep | None = None) -> ObjectScore:
-    """Compute what a pad tells of the standard objects.
+    """Compute how a pad distinguishes the standard objects.
 
     Raises
     ------
@@ -217,22 +217,13 @@ def score_objects(draft: Draft, *, seed: int = 0, on_step: OnStep | None = None)
     frames = np.stack([one.units.reshape(len(asked), -1) for one in halves])
     is_clipped = np.stack([_is_clipped(one) for one in halves]).any(axis=(0, 1))
     frames[:, :, is_clipped] = 0.0  # a pair that reaches full scale under any press is left out
-    shape = (len(places), len(objects))
-    slopes = [
-        [_slopes(frames, motions[number * len(objects) + k]) for k in range(len(objects))]
-        for number in range(len(places))
-    ]
-    apart, known = np.zeros((*shape, len(objects))), np.zeros((*shape, len(objects)))
-    for number in range(len(places)):
-        for a in range(len(objects)):
-            for b in range(len(objects)):
-                apart[number, a, b], known[number, a, b] = _apart(
-                    frames[:, number * len(objects) + a],
-                    frames[:, number * len(objects) + b],
-                    slopes[number][b],
-                )
-    turn = [_bound(one[NAMES.index("edge")], 3) for one in slopes]
-    radius = [_bound(one[NAMES.index("cylinder")], 4) for one in slopes]
+    count, slopes = len(objects), [_slopes(frames, one) for one in motions]
+    apart, known = np.zeros((2, len(places), count, count))
+    for number, a, b in np.ndindex(*apart.shape):
+        one, other = number * count + a, number * count + b
+        apart[number, a, b], known[number, a, b] = _apart(frames[:, one], frames[:, other], slopes[other])
+    turn = [_bound(one, 3) for one in slopes[NAMES.index("edge") :: count]]
+    radius = [_bound(one, 4) for one in slopes[NAMES.index("cylinder") :: count]]
     mistaken = _mistaken(draft, places, base, halves[0], seed, tell)
     return ObjectScore(
         words={name: one.words for name, one in objects.items()},

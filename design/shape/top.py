@@ -93,6 +93,11 @@ class Top:
         low, high = sorted((self.kx, self.ky))
         return Top(clear_mm=0.0, apex_mm=(0.0, 0.0), kx=low, ky=high)
 
+    @property
+    def frame_turn_deg(self) -> float:
+        """Turn of a press frame's first axis from the cavity's x, about the normal [deg]."""
+        return 90.0 if self.straight == "y" else 0.0
+
     def press_frame(self, x_mm: float, y_mm: float) -> tuple[FloatArray, FloatArray]:
         """Coordinate system of a press at a location.
 

@@ -26,7 +26,6 @@ from optopad.design.shape.outline import Point, X, Y
 from optopad.design.spec import SensorDesign
 from optopad.sims.contact.held.bottoms import bottom_mm, rotation
 from optopad.sims.contact.tip import tip_points_mm
-from optopad.sims.held import FRAME_TURN_DEG
 from optopad.studio.pad_mesh import ring_triangles
 from optopad.studio.session import LivePress
 
@@ -210,8 +209,7 @@ def held_body(held: HeldObject) -> tuple[FloatArray, IntArray]:
 def held_pose(plan: Plan, held: HeldObject, press: LivePress) -> tuple[FloatArray, Quaternion]:
     """Position of an object's centre (3,) in the cavity's coordinates [mm], and its rotation."""
     origin, axes = plan.top.press_frame(*press.place_mm)
-    turn = FRAME_TURN_DEG if plan.top.straight == "y" else 0.0
-    posed = held.model_copy(update={"yaw": held.yaw - turn})
+    posed = held.model_copy(update={"yaw": held.yaw - plan.top.frame_turn_deg})
     body = held_body(held)[0] @ rotation(posed).T
     height = -float(body[:, 2].min()) - press.depth_mm
     if not plan.top.is_flat:
