@@ -141,7 +141,7 @@ class HeldView(Result):
 
 
 def object_lines(found: dict[str, Any]) -> list[str]:
-    """What a pad tells of objects, from the data of `ObjectScore.to_json`; the most important first."""
+    """How a pad distinguishes objects, from the data of `ObjectScore.to_json`; the most important first."""
     if "refused" in found:
         return [labelled("objects", f"not computed: {found['refused']}")]
     names, count = list(found["objects"]), len(found["places_mm"])
@@ -157,7 +157,7 @@ def object_lines(found: dict[str, Any]) -> list[str]:
 
 
 def object_sentences(found: dict[str, Any]) -> list[tuple[str, str]]:
-    """Sentences about what a pad tells of objects, each with its label."""
+    """Sentences about how a pad distinguishes objects, each with its label."""
     apart = np.array(found["apart_sigma"]).min(axis=0)
     names = list(found["objects"])
     pairs = sorted((float(apart[a, b]), names[a], names[b]) for a in range(len(names)) for b in range(a))

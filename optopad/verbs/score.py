@@ -73,7 +73,7 @@ def score_command(
     full : A map of 11 locations per side with steps of 0.1 mm, with the usual light.
     tolerance : Also run a Monte Carlo over all tolerances and report how many units keep the verdict.
     builds : Units of the Monte Carlo of --tolerance (200 if left out).
-    objects : Also report what the pad tells of a cylinder, an edge, a face and a corner, compared with the ball.
+    objects : Also report how well the pad distinguishes ball, cylinder, edge, face and corner.
     """
     drawn = _drawn_builds(tolerance, builds)
     pad = Pad.of(design)
@@ -147,7 +147,7 @@ def _written(
 
 
 def _of_objects(pad: Pad, folder: Path, score: ContinuityScore, seed: int, on_step: OnStep) -> dict[str, Any]:
-    """Compute and write what the pad tells of objects; if the models do not cover them, only the reason is returned."""
+    """Compute and write how the pad distinguishes objects; if the models do not cover them, return only the reason."""
     if score.readout is None:
         return {"refused": "the models give no verdict on this design"}
     try:
