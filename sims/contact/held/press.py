@@ -393,11 +393,11 @@ def _notes(
             f"contact: it covers {area_mm2:.2g} mm², {nodes} nodes of a grid of {pad.step_mm:.2g} mm: force is "
             "within 20 %, area within a half"
         )
-    beside = binary_dilation(touching) & ~touching & pad.inside
+    around = binary_dilation(touching) & ~touching & pad.inside
     deepest_mm = SHARP_SHARE * pad.thickness_mm
-    if depth_mm > deepest_mm + 1e-9 and (gap[beside] > pad.step_mm).any():
+    if depth_mm > deepest_mm + 1e-9 and (gap[around] > pad.step_mm).any():
         raise ModelScopeError(
-            f"objects: at {depth_mm:.3g} mm the contact ends at a sharp edge or steep side; beside it the top is then "
+            f"objects: at {depth_mm:.3g} mm the contact ends at a sharp edge or steep side; around it the top is then "
             f"off by more than 5 % of the depth, and the model covers {deepest_mm:.3g} mm; press less deep, or take an "
             "object with rounder edges"
         )
