@@ -57,6 +57,8 @@ Edge = Annotated[
 ]
 Angle = Annotated[float, Field(ge=-360.0, le=360.0)]
 
+LARGEST_FRICTION = 3.0
+"""Largest coefficient of friction [-]; soft silicone reaches 2.8 at the lightest loads."""
 USUAL_EDGE_MM = 0.3
 """Default radius of an edge [mm]: that of a part without chamfers whose burrs are removed."""
 PUNCH_LENGTH_MM = 100.0
@@ -122,6 +124,15 @@ class HeldObject(Model):
         Field(
             description="diffuse reflectance; metal is bare metal without its mirror reflection; the design's "
             "tip_reflectance if left out"
+        ),
+    ] = None
+
+    friction: Annotated[
+        float | None,
+        Field(
+            ge=0.0,
+            le=LARGEST_FRICTION,
+            description="Coulomb's coefficient against the pad, for a sideways load; that of dry silicone if left out",
         ),
     ] = None
 
