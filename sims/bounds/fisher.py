@@ -382,8 +382,9 @@ def rooted(variance: FloatArray, error: FloatArray, is_seen: BoolArray) -> tuple
 
 
 def _depth_alone(answers: Sensitivity, zero_sigmas: float) -> tuple[FloatArray, FloatArray]:
-    depth_information = information(answers)[..., 2, 2]
-    error = information_error(answers, np.broadcast_to([0.0, 0.0, 1.0], (*depth_information.shape, 3)))
+    fisher = information(answers)
+    depth_information = fisher[..., 2, 2]
+    error = information_error(answers, np.broadcast_to(np.eye(fisher.shape[-1])[2], fisher.shape[:-1]))
     is_seen = (depth_information > zero_sigmas * error) & (depth_information > 0.0)
     known = np.where(is_seen, depth_information, 1.0)
     return rooted(1.0 / known, error / known**2, is_seen)

@@ -448,7 +448,9 @@ def found_presses(
     count = len(signals)
     starts = table.starts(signals, seen)
     twice = np.repeat(np.arange(count), STARTS)
-    found = _Search(answers, box, signals[twice], seen.of(twice)).descend(starts.reshape(-1, 3), STEPS)
+    found = _Search(answers, box, signals[twice], seen.of(twice)).descend(
+        starts.reshape(-1, starts.shape[-1]), STEPS
+    )
     pick = np.argmin(found.square.reshape(count, STARTS), axis=1) + STARTS * np.arange(count)
     place = found.of(pick)
     own = seen.own_deviations(signals - answers(place.press)[0])
