@@ -86,8 +86,8 @@ DEPTHS = (DEEP, 2.0 * DEEP)
 """Depths of the states [tip radii]."""
 SHALLOWER, SHALLOWEST = 0.8, 0.2
 """Factor by which depths are lowered if the models do not cover them, and the least of their product [-]."""
-PITCH_MM, WIDER, MOST_PLACES = 2.2, 1.1, 26
-"""First distance of the locations [mm], the factor by which it grows, and the most locations that are computed."""
+PITCH_MM, WIDER, MOST_READINGS = 2.2, 1.1, 1050
+"""First distance of the locations [mm], the factor by which it grows, and the most pairs of all locations."""
 WAYS = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
 """Directions of the pulls; opposite ones follow each other."""
 ACCURACY = "score"
@@ -223,7 +223,7 @@ def _places(draft: Draft, inset_mm: float, pitch_mm: float = PITCH_MM) -> _Place
         if all(np.hypot(at[0] - one[0], at[1] - one[1]) > 0.5 * pitch_mm for one in found):
             found.append(at)
     places = _grouped(draft, np.array(found))
-    if len(places.computed_mm) > MOST_PLACES:
+    if len(places.computed_mm) * places.pairs.shape[1] > MOST_READINGS:
         return _places(draft, inset_mm, WIDER * pitch_mm)
     return places
 
@@ -236,7 +236,8 @@ def _grouped(draft: Draft, all_mm: FloatArray) -> _Places:
         if np.allclose(np.abs(one.matrix).max(axis=0), 1.0)
     ]
     count = len(draft.cavity.emitters), len(draft.cavity.receivers)
-    source, computed = np.full(len(all_mm), -1), []
+    computed: list[FloatArray] = []
+    source = np.full(len(all_mm), -1)
     ways, pairs = np.zeros((len(all_mm), 4), np.int64), np.zeros((len(all_mm), count[0] * count[1]), np.int64)
     for number, at in enumerate(all_mm):
         if source[number] >= 0:

@@ -58,7 +58,7 @@ class ForceLight:
         found = self._over_places(press_mm[:, :2]).reshape(len(press_mm), *self.factors.shape[1:])
         nodes = np.concatenate([[0.0], self.depth_mm])
         shares = [np.interp(press_mm[:, 2], nodes, row) for row in np.eye(len(nodes))[1:]]
-        return np.einsum("dn,ndfp->nfp", shares, found)
+        return np.asarray(np.einsum("dn,ndfp->nfp", shares, found))
 
     def change(self, press: FloatArray) -> FloatArray:
         """Change (n, pair) of the light over untouched light, at x, y, depth and force (n, 5) [mm, N]."""
