@@ -37,13 +37,14 @@ def shear_sentences(found: dict[str, Any]) -> list[tuple[str, str]]:
             f"one frame gives the pull within {np.median(known):.2g} N (median; worst {known.max():.2g} N), location "
             "and depth unknown"
         ) + (f"; not resolved at {lost} of {least.size}" if lost else "")
+        away, deep = (
+            float(np.median(one[np.isfinite(one)]))
+            for one in map(_numbers, (found["location_times"], found["depth_times"]))
+        )
+        costs = f"an unknown pull makes the bounds {away:.2f} times as large for location and {deep:.2f} for depth"
     else:
         pull = "one frame does not give the pull"
-    times = [_numbers(found[key]) for key in ("location_times", "depth_times")]
-    away, deep = (
-        float(np.median(one[np.isfinite(one)])) if np.isfinite(one).any() else np.nan for one in times
-    )
-    costs = f"an unknown pull makes the bounds {away:.2g} times larger for location and {deep:.2g} times for depth"
+        costs = "bounds of location and depth with an unknown pull are not resolved"
     unmodelled = [
         f"{name} {_largest(one['moved_mm'])} mm, {_largest(one['deeper_mm'])} mm and {_largest(one['stronger_n'])} N"
         for name, one in found["unmodelled"].items()
