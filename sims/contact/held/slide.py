@@ -144,6 +144,10 @@ def _begun(contact: Contact, at_mm: Place, bottoms: FloatArray, depth_mm: float,
     return Slide(*touched(contact, at_mm, bottoms), depth_mm, friction)
 
 
+Part = tuple[slice, slice]
+WHOLE: Part = slice(None), slice(None)
+
+
 class Slide:
     """Objects in a pad on their way sideways."""
 
@@ -167,17 +171,17 @@ class Slide:
         self._gap, self._bottom = gap, spline_filter(np.minimum(gap - np.nan_to_num(pad.sag_mm), ceiling))
         self._places = np.stack(np.meshgrid(*(np.arange(n) for n in load.shape), indexing="ij")).astype(float)
 
-    def _gap_at(self, at: FloatArray, moved: FloatArray) -> FloatArray:
+    def _gap_at(self, at: FloatArray, moved: FloatArray, part: Part = WHOLE) -> FloatArray:
         """Gap (nx, ny), without downward motion and depth, over points of the top that moved sideways (2, nx, ny)."""
         if not at.any() and not moved.any():
-            return self._gap
-        places = self._places + (moved - at[:, None, None]) / self.pad.step_mm
+            return self._gap[part]
+        places = self._places[:, *part] + (moved - at[:, None, None]) / self.pad.step_mm
         bottom = map_coordinates(self._bottom, places, order=3, mode="nearest", prefilter=False)
-        return np.asarray(bottom + self.pad.sag_at(moved))
+        return np.asarray(bottom + self.pad.sag_at(moved, part))
 
-    def overlap(self, at: FloatArray, moved: FloatArray) -> FloatArray:
+    def overlap(self, at: FloatArray, moved: FloatArray, part: Part = WHOLE) -> FloatArray:
         """Height (nx, ny) of the objects above such points of the untouched top; infinite at and beyond the walls."""
-        return np.where(self.pad.wall_mm > 1e-9, self._gap_at(at, moved) - self.depth_mm, np.inf)
+        return np.where(self.pad.wall_mm[part] > 1e-9, self._gap_at(at, moved, part) - self.depth_mm, np.inf)
 
     def advance(self, to: FloatArray) -> None:
         """Move the objects to a place (2,), in one step."""
@@ -201,20 +205,16 @@ class Slide:
             near |= beyond
         self.at, self.load, self.moved = to, load, total
 
-    def _settled(
-        self, window: tuple[slice, slice], to: FloatArray, before: FloatArray, moved: FloatArray
-    ) -> FloatArray:
+    def _settled(self, window: Part, to: FloatArray, before: FloatArray, moved: FloatArray) -> FloatArray:
         """Load (3, nx, ny) after a step, with the contact within a part of the grid."""
         pad, cut = self.pad, (slice(None), *window)
         whole, pressure_alone = pad.response(window, sideways=True), pad.response(window)
         load, was, step = self.load[cut].copy(), before[cut], to - self.at
         still, first = np.zeros_like(load), self.pressed[window]
         u = moved[cut].copy()
-        wide = moved.copy()
         limit = np.zeros_like(first)
         for _ in range(ROUNDS):
-            wide[cut] = u
-            overlap = (pad.slope * self.overlap(to, wide))[window]
+            overlap = pad.slope[window] * self.overlap(to, u, window)
             still[:2], still[2] = load[:2], 0.0
             risen = whole(still)[2]
             pressure, _ = contact_pressure(
