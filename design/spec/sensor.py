@@ -210,7 +210,7 @@ class Noise(Model):
         Field(
             gt=0.0,
             le=1e6,
-            description="time from a release until half of its residue is left; 0.7 to 1.2 in another silicone",
+            description="time from a release until half of its residue is left; 0.7 to 1.4 in another silicone",
         ),
     ] = 1.0
 

@@ -221,7 +221,7 @@ def _found_again(
     """When each model finds a touch again after a release; empty for a pad without memory."""
     if curves.design.noise.release_residue == 0.0:
         return ()
-    found = []
+    found: list[FoundAgain] = []
     for name, model in models.items():
         on_step("memory", len(found) / len(models))
         found.append(found_again(curves, model, learner=name, seed=seed))

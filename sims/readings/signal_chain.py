@@ -68,14 +68,14 @@ A silicone comes back slowly from a press. Until the next release, the last pres
 
 where t is the time since its release, r = `noise.release_residue` (0 by default) and T = `noise.release_decay_s`. The
 sum is added to the untouched pad and to the next press, wherever that is, and is never negative. The law is the one
-with two parameters that fits the REMODEL recordings (docs/validation/memory.md). 23 signals of three presses, 0.35 to
-10 s after the release from a hold of 20 s, follow it within 3 to 9 % of the residue. An exponential misses by 12 to
-18 %. A power of time misses by 4 to 10 % and has no value at t = 0. r is 0.038 to 0.060 and T 0.7 to 1.2 s there.
+with two parameters that fits the REMODEL recordings (docs/validation/memory.md). 23 signals of three presses follow it
+within 2 to 9 % of the residue, from 0.5 to 6 s after the release from a hold of 20 s. An exponential misses by 10 to
+16 %. A power of time misses by 3 to 7 % and has no value at t = 0. r is 0.036 to 0.057 and T 0.7 to 1.4 s there.
 
 That pad is of another silicone, of unknown grade, and its light runs in air; no clear silicone was measured
 (`design/data/memory.toml`). Left out: how r and T depend on the time of the hold, on depth and on temperature; the
 shape of the residue, which is wider than the press (there its share is about a quarter larger 5 mm away); the first
-0.35 s, in which that stage came to rest; the recovery during a slow retraction, since the law begins at the end of the
+0.3 s, in which that stage came to rest; the recovery during a slow retraction, since the law begins at the end of the
 press; presses before the last one; and the force. Light with loose walls changes as with bonded ones.
 """
 
