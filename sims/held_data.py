@@ -17,7 +17,8 @@ The data
 Each press has `APPROACH_MM` frames above the pad, then `TOUCHED` frames at its depth. All presses are taken twice, in
 ambient light and in the dark, so that learners see how gains drift between sets. Noise, drift and errors of the stage
 are those of `optopad.sims.readings.signal_chain`. Light is traced at the listed press. So the errors of the stage are
-subtracted from the reported place and depth, and the spread is the same.
+subtracted from the reported place and depth, and the spread is the same. An object is lifted when the time of its press
+is over. With `noise.release_residue`, the next press of the set still has its remainder.
 """
 
 from __future__ import annotations
@@ -45,7 +46,13 @@ from optopad.sims.readings.data_writer import ByPress, DataWriter
 from optopad.sims.readings.dataset import clipped_note, read_data
 from optopad.sims.readings.press_data import PressData
 from optopad.sims.readings.protocol import FRAME, PRESS, SET, header_for, untouched_readout
-from optopad.sims.readings.signal_chain import SignalChain, chain_of, drawn_press, drawn_set_offset_mm
+from optopad.sims.readings.signal_chain import (
+    Remainder,
+    SignalChain,
+    chain_of,
+    drawn_press,
+    drawn_set_offset_mm,
+)
 from optopad.sims.verdict.presses import untouched_flux
 
 APPROACH_MM = (-1.0, -0.8, -0.6, -0.4)
@@ -312,18 +319,25 @@ def _drawn(
 ) -> Iterator[PressData]:
     """Samples of each press in each set of its role, but for those (set, press) in `but`."""
     of_sets = [_DrawnList(chain, header, number, seed) for number in range(len(header.sets))]
-    wanted = [
-        (k, [s for s, one in enumerate(header.sets) if one.role == press.role and (s, k) not in but])
-        for k, press in enumerate(presses)
-    ]
-    wanted = [(k, sets) for k, sets in wanted if sets]
+    has_memory = chain.noise.release_residue > 0.0
+    last: dict[str, Remainder] = {}
+    wanted: list[tuple[int, list[int]]] = []
+    for k, press in reversed(list(enumerate(presses))):
+        sets = [s for s, one in enumerate(header.sets) if one.role == press.role and (s, k) not in but]
+        follower = next((drawn for j, drawn in reversed(wanted) if presses[j].role == press.role), [])
+        if sets or (has_memory and follower):
+            wanted.append((k, sets))
+    wanted.reverse()
     for start in range(0, len(wanted), WINDOW):
         window = wanted[start : start + WINDOW]
         asked = [presses[k].asked for k, _ in window]
         untouched, flux, depths = _light(draft, asked)
         for (k, sets), one, touched, depth in zip(window, asked, flux, depths, strict=True):
+            role = presses[k].role
             for s in sets:
-                yield of_sets[s].press(k, one.at_mm, depth, untouched, touched)
+                yield of_sets[s].press(k, one.at_mm, depth, untouched, touched, last.get(role))
+            if has_memory:
+                last[role] = Remainder(change=touched - untouched, released_s=PRESS_S * (k + 1))
         on_step("light", (start + len(window)) / len(wanted))
 
 
@@ -355,13 +369,19 @@ class _DrawnList:
         depth_mm: float,
         untouched: FloatArray,
         touched: FloatArray,
+        last: Remainder | None,
     ) -> PressData:
-        """Samples of the k-th press of the list, from the flux (emitter, receiver) without and with contact."""
+        """Samples of the k-th press of the list, from the flux (emitter, receiver) without and with contact.
+
+        `last` is what the press before it in the set has left; None if nothing.
+        """
         errors = drawn_press(self.chain.noise, self.offset_mm, self._rng(PRESS, k))
         frames = len(APPROACH_MM) + TOUCHED
         true = np.array([(*at_mm, depth) for depth in (*APPROACH_MM, *[depth_mm] * TOUCHED)])
         time_s = PRESS_S * (k + np.arange(1, frames + 1) / (frames + 1))
         flux = np.stack([untouched] * len(APPROACH_MM) + [touched] * TOUCHED)
+        if last is not None:
+            flux = last.added(flux, time_s, self.chain.noise)
         return replace(
             self.header,
             counts=self.chain.counts(flux, time_s, self._rng(FRAME, k), drawn=self.drawn),
