@@ -5,6 +5,7 @@ import pytest
 import trimesh
 
 from optopad.design.errors import DesignError, InputError, OptopadError
+from optopad.design.fields.packaged import data_quantities
 from optopad.design.held_object import KINDS, Box, Cylinder, Facets, Mesh, Punch, Torus, held_of, read_held
 
 REFUSED = [
@@ -135,6 +136,17 @@ def test_a_finish_is_a_reflectance_with_a_band_and_left_out_it_is_the_designs() 
         assert 0.0 < found.low < found.value < found.high < 1.0
         order.append(found.value)
     assert order == sorted(order)
+
+
+def test_friction_has_a_band_whose_dry_one_comes_from_measurements() -> None:
+    states = data_quantities("friction.toml")
+    assert set(states) == {"dry", "powdered", "wet"}
+    assert states["dry"].confidence == "inferred"
+    for state in states.values():
+        assert state.unit == "1"
+        assert state.low is not None
+        assert state.high is not None
+        assert 0.0 < state.low < state.value < state.high <= 3.0
 
 
 def test_a_mesh_is_read_in_mm_about_the_middle_of_its_bounding_box(folder: Path) -> None:
