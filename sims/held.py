@@ -19,12 +19,14 @@ import numpy as np
 from optopad.design.arrays import BoolArray, FloatArray
 from optopad.design.draft import Draft
 from optopad.design.errors import InputError, ModelScopeError
+from optopad.design.fields.packaged import data_quantities
 from optopad.design.held_object import HeldObject
 from optopad.design.rules.touch import rim_height_mm
 from optopad.design.shape.cavity import judged_pairs, mask_of
 from optopad.sims.cache import light_store
 from optopad.sims.contact.held.bottoms import bottom_mm
 from optopad.sims.contact.held.press import HeldPress, grid_of, held_press
+from optopad.sims.contact.held.slide import pulled, slid
 from optopad.sims.contact.scope import contact_of
 from optopad.sims.optics.accuracy import Accuracy
 from optopad.sims.optics.engine.threads import run_each
@@ -37,6 +39,8 @@ from optopad.sims.verdict.presses import untouched_flux
 Place = tuple[float, float]
 AT_ONCE = 32
 """Tops that are held in memory together; each has 1 to 3 MB."""
+FORCE_ERROR, FORCE_ROUNDS = 0.003, 4
+"""Accepted relative error of the force under a sideways load, and most corrections of the depth."""
 RIM_STEP_MM = 0.5
 """Distance of the nodes beyond the pad at which objects are compared with the mold's rim."""
 
@@ -51,12 +55,36 @@ class AskedPress:
     at_mm : (x, y) of the press, and of all objects without a place of their own [mm]
     depth_mm : depth of all objects without a depth of their own [mm]; None if all have one, or if a force is given
     force_n : force that presses the objects [N]; depths of single objects are then relative to each other
+    shear_mm : how far the objects then move sideways, along the cavity's x and y on a flat top, along the press
+        frame's axes nearest to them otherwise [mm]
+    pull_n : sideways force in place of `shear_mm` [N]
     """
 
     held: tuple[HeldObject, ...]
     at_mm: Place
     depth_mm: float | None = None
     force_n: float | None = None
+    shear_mm: Place | None = None
+    pull_n: Place | None = None
+
+    @property
+    def is_sideways(self) -> bool:
+        """Whether the objects move sideways after the press."""
+        return self.shear_mm is not None or self.pull_n is not None
+
+    @property
+    def friction(self) -> float:
+        """Coulomb's coefficient of the objects against the pad [-]; that of dry silicone if none has one.
+
+        Raises
+        ------
+        InputError : the objects have different ones.
+        """
+        given = dict.fromkeys(one.friction for one in self.held)
+        if len(given) > 1:
+            raise InputError("friction: the objects of one press have different ones; give all the same")
+        (found,) = given
+        return data_quantities("friction.toml")["dry"].value if found is None else found
 
     @property
     def reflectance(self) -> float | None:
@@ -135,7 +163,10 @@ def require_asked(draft: Draft, asked: AskedPress) -> None:
             "objects: light between smooth walls is traced under the design's tip alone; set surfaces.wall_finish = "
             "'diffuse'"
         )
+    if asked.shear_mm is not None and asked.pull_n is not None:
+        raise InputError("--shear: does not go with --pull, which decides how far the objects move; drop one")
     assert asked.reflectance is None or asked.reflectance >= 0.0
+    assert asked.friction >= 0.0
     for one in asked.held:
         x, y = _place(one, asked)
         if not space.contains(x, y):
@@ -143,37 +174,130 @@ def require_asked(draft: Draft, asked: AskedPress) -> None:
                 f"objects: ({x:g}, {y:g}) mm, the centre of {one.words}, is outside the workspace, {space.words}; "
                 "press inside, or lower operating.workspace_margin_mm"
             )
+        if asked.shear_mm is not None:
+            require_way(draft, (x, y), np.array([asked.shear_mm]))
+
+
+def require_way(draft: Draft, from_mm: Place, path_mm: FloatArray) -> None:
+    """Refuse a path (n, 2) from a place that leads out of the workspace."""
+    space = draft.workspace
+    for dx, dy in np.asarray(path_mm).tolist():
+        x, y = from_mm[0] + dx, from_mm[1] + dy
+        if not space.contains(x, y):
+            raise ModelScopeError(
+                f"shear: {dx:g}, {dy:g} mm from ({from_mm[0]:g}, {from_mm[1]:g}) mm leads to ({x:g}, {y:g}) mm, "
+                f"outside the workspace, {space.words}; move the objects less far"
+            )
 
 
 def pressed(draft: Draft, asked: AskedPress) -> HeldPress:
-    """Solve the contact of a press; errors are those of `require_asked` and of `held_press`."""
-    require_asked(draft, asked)
-    contact, top = contact_of(draft.design), draft.plan.top
-    origin, axes = top.press_frame(*asked.at_mm)
-    x_mm, y_mm = grid_of(contact, asked.at_mm)
-    depths = [_depth(one, asked) for one in asked.held]
-    wall_mm = max(draft.outline.wall_x_mm, draft.outline.wall_y_mm) if top.is_flat else 0.0
-    around = RIM_STEP_MM * np.arange(1, math.ceil(wall_mm / RIM_STEP_MM) + 1)
-    pad = tuple(slice(len(around), len(around) + len(one)) for one in (x_mm, y_mm))
-    wide_x, wide_y = (np.concatenate([one[0] - around[::-1], one, one[-1] + around]) for one in (x_mm, y_mm))
-    sag_mm = top.in_frame.sag_mm(*np.meshgrid(wide_x, wide_y, indexing="ij"))
-    each = []
-    for one, depth in zip(asked.held, depths, strict=True):
-        x, y = _place(one, asked)
-        at = axes[:2] @ (np.array([x, y, float(top.height_mm(x, y))]) - origin)
-        own = bottom_mm(
-            one.model_copy(update={"yaw": one.yaw - top.frame_turn_deg}), wide_x - at[0], wide_y - at[1]
-        )
-        if len(depths) > 1 and not top.is_flat:
-            own -= float(np.nanmin(own + sag_mm))  # each from its own first touch
-        each.append(own + max(depths) - depth)
-    bottoms = np.min(each, axis=0)
-    if asked.force_n is not None:
-        found = held_press(contact, asked.at_mm, bottoms[pad], force_n=asked.force_n)
-        _require_rim(draft, asked, np.array(each) - found.depth_mm, wide_x, wide_y)
+    """Solve the contact of a press; errors are those of `require_asked`, `held_press` and `slid`."""
+    if asked.shear_mm is not None:
+        return slid_presses(draft, asked, np.array([asked.shear_mm]))[0]
+    if asked.pull_n is None:
+        return _Bottoms(draft, asked).press()
+    bottoms, pull = _Bottoms(draft, asked), asked.pull_n
+    return bottoms.at_force(lambda depth: pulled(**bottoms.sideways(depth), pull_n=bottoms.in_frame(pull)))
+
+
+def slid_presses(draft: Draft, asked: AskedPress, path_mm: FloatArray) -> list[HeldPress]:
+    """Solve the contact of objects that are pressed, then moved along a path (n, 2) as `AskedPress.shear_mm`.
+
+    With a force, the depth is that which gives the force at the end of the path.
+    """
+    bottoms = _Bottoms(draft, asked)
+    for one in asked.held:
+        require_way(draft, _place(one, asked), path_mm)
+    path = np.array([bottoms.in_frame((x, y)) for x, y in np.asarray(path_mm).tolist()])
+    found: list[HeldPress] = []
+
+    def end(depth_mm: float) -> HeldPress:
+        found[:] = slid(**bottoms.sideways(depth_mm), path_mm=path)
+        return found[-1]
+
+    bottoms.at_force(end)
+    for shift in path:
+        bottoms.require_rim(found[-1].depth_mm, shift)
+    return found
+
+
+class _Bottoms:
+    """The lowest surface of the objects of a press over the pad's grid and the rim around it."""
+
+    def __init__(self, draft: Draft, asked: AskedPress) -> None:
+        require_asked(draft, asked)
+        self._draft, self._asked = draft, asked
+        self._contact, top = contact_of(draft.design), draft.plan.top
+        origin, axes = top.press_frame(*asked.at_mm)
+        x_mm, y_mm = grid_of(self._contact, asked.at_mm)
+        self._depths = [_depth(one, asked) for one in asked.held]
+        wall_mm = max(draft.outline.wall_x_mm, draft.outline.wall_y_mm) if top.is_flat else 0.0
+        around = RIM_STEP_MM * np.arange(1, math.ceil(wall_mm / RIM_STEP_MM) + 1)
+        pad = tuple(slice(len(around), len(around) + len(one)) for one in (x_mm, y_mm))
+        self._wide = [np.concatenate([one[0] - around[::-1], one, one[-1] + around]) for one in (x_mm, y_mm)]
+        sag_mm = top.in_frame.sag_mm(*np.meshgrid(*self._wide, indexing="ij"))
+        each = []
+        for one, depth in zip(asked.held, self._depths, strict=True):
+            x, y = _place(one, asked)
+            at = axes[:2] @ (np.array([x, y, float(top.height_mm(x, y))]) - origin)
+            own = bottom_mm(
+                one.model_copy(update={"yaw": one.yaw - top.frame_turn_deg}),
+                self._wide[0] - at[0],
+                self._wide[1] - at[1],
+            )
+            if len(self._depths) > 1 and not top.is_flat:
+                own -= float(np.nanmin(own + sag_mm))  # each from its own first touch
+            each.append(own + max(self._depths) - depth)
+        self._each = np.array(each)
+        self._lowest = self._each.min(axis=0)[pad]
+
+    def press(self) -> HeldPress:
+        """The press without a sideways motion."""
+        asked, lowest = self._asked, self._lowest
+        if asked.force_n is None:
+            self.require_rim(max(self._depths))
+            return held_press(self._contact, asked.at_mm, lowest, depth_mm=max(self._depths))
+        found = held_press(self._contact, asked.at_mm, lowest, force_n=asked.force_n)
+        self.require_rim(found.depth_mm)
         return found
-    _require_rim(draft, asked, np.array(each) - max(depths), wide_x, wide_y)
-    return held_press(contact, asked.at_mm, bottoms[pad], depth_mm=max(depths))
+
+    def at_force(self, moved: Callable[[float], HeldPress]) -> HeldPress:
+        """A press that is a function of its depth [mm], with the force that is asked for, if any."""
+        depth, wanted = self.press().depth_mm, self._asked.force_n
+        found = moved(depth)
+        for _ in range(FORCE_ROUNDS if wanted is not None else 0):
+            assert wanted is not None
+            if abs(found.force_n - wanted) <= FORCE_ERROR * wanted:
+                break
+            depth *= (wanted / found.force_n) ** (2.0 / 3.0)
+            found = moved(depth)
+        return found
+
+    def sideways(self, depth_mm: float) -> dict[str, Any]:
+        """The arguments of `slid` and `pulled` at a depth."""
+        asked = self._asked
+        return {
+            "contact": self._contact,
+            "at_mm": asked.at_mm,
+            "bottoms": self._lowest,
+            "depth_mm": depth_mm,
+            "friction": asked.friction,
+        }
+
+    def in_frame(self, sideways: Place) -> Place:
+        """Components along the press frame's x and y of a vector along those of the cavity."""
+        angle = math.radians(self._draft.plan.top.frame_turn_deg)
+        x, y = sideways
+        return math.cos(angle) * x + math.sin(angle) * y, math.cos(angle) * y - math.sin(angle) * x
+
+    def require_rim(self, depth_mm: float, shift_mm: FloatArray | None = None) -> None:
+        """Refuse objects that touch the rim at a depth, also if they are moved sideways (2,)."""
+        x, y = (
+            self._wide
+            if shift_mm is None
+            else (one + by for one, by in zip(self._wide, shift_mm, strict=True))
+        )
+        _require_rim(self._draft, self._asked, self._each - depth_mm, x, y)
 
 
 def _require_rim(

@@ -1,22 +1,28 @@
-r"""The linear response of a pad's top to normal pressure: an elastic layer between the pad's own walls.
+r"""The linear response of a pad's top to pressure and sideways load: an elastic layer between the pad's own walls.
 
-Lengths are in mm. Displacements are normal to the top, downward, for a shear modulus of 1 MPa.
+Lengths are in mm, loads in shear moduli. Loads and displacements have three components: along x and y in the top, and
+normal to it, downward. A normal load is a pressure.
 
 A layer without walls
 ---------------------
-An incompressible layer of thickness h is bonded to a rigid floor. A normal pressure p(q) of wave number q moves its top
-by C(q) p(q), with k = q h:
+An incompressible layer of thickness h is bonded to a rigid floor. Its top is loaded by waves of wave number q: a
+pressure p, and sideways tractions t along the wave vector and s across it. With k = q h, D = cosh² k + k², C = sinh k
+cosh k and c = 1 / (2 μ q D), it moves by
 
-    C(q) = (sinh k cosh k - k) / (cosh² k + k²) / (2 μ q).
+    w = c ((C - k) p + i k² t)          downward
+    u = c ((C + k) t - i k² p)          along the wave vector
+    v = tanh k / (μ q) s                across it
 
-For k → ∞ this is 1/(2 μ q), the half-space (Johnson, Contact Mechanics, 1985, chapter 13). For k → 0 it vanishes, since
-the layer keeps its volume. It follows from Stokes' equations with u = 0 at z = 0 and no shear at z = h.
+For k → ∞ these are the half-space's, 1/(2 μ q) and 1/(μ q) (Johnson, Contact Mechanics, 1985, chapters 3 and 13). For
+k → 0, w vanishes under pressure, since the layer keeps its volume, and u and v are those of simple shear, h/μ. All
+follow from Stokes' equations with no motion at z = 0 and the load at z = h. Pressure and sideways motion are coupled
+only in a layer: where the top is dragged along, it rises in front and sinks behind.
 
 The walls, outline and crown of a pad (`PadLayer`)
 --------------------------------------------------
 The pad's response G is that of a wide layer, G_wide, plus a change S. Both have the same singularity 1 / (4 π μ r), so
-S is smooth where load and place are not close to the same wall. It is represented by cubic B-splines b of the plan
-coordinates x and y, as S(x, x') = Σ b_i(x) C_ij b_j(x'). With the inner product over the top's area,
+S is smooth where load and place are not close to the same wall. Each component of it is represented by cubic B-splines
+b of the plan coordinates x and y, as S(x, x') = Σ b_i(x) C_ij b_j(x'). With the inner product over the top's area,
 
     C = M⁻¹ (F - W) M⁻¹,   M_ij = <b_i, b_j>,   F_ij = <b_i, G b_j>,   W_ij = <b_i, G_wide b_j>.
 
@@ -25,7 +31,8 @@ F is computed with finite elements of the whole pad, W with Fourier transforms. 
 The finite elements are hexahedra with quadratic displacements and linear pressures (Taylor-Hood; Elman, Silvester and
 Wathen, Finite Elements and Fast Iterative Solvers, 2014, section 3.3). A quarter of the pad is the image of a square
 (Coons' patch: the middle of an arc is the image of a corner); on a crowned pad, heights follow the local thickness.
-Every load is the sum of four parts, each even or odd across each of the two middle planes.
+Every load is the sum of four parts, each even or odd across each of the two middle planes. Sideways loads are along the
+projections of the axes x and y on the top.
 
 On a crowned top, the wide layer is laid over the plan. Lengths along a slope are longer there than in the plan, so
 loads in W are scaled by the power 3/4 of the ratio of areas: then the singular parts of F and W agree when averaged
@@ -38,9 +45,11 @@ import hashlib
 import itertools
 import sys
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import fft
 from scipy.interpolate import BSpline
 from scipy.linalg import pinvh
@@ -69,6 +78,24 @@ def wide_compliance(q: FloatArray, thickness: float) -> FloatArray:
     return np.asarray(np.divide(share, 2.0 * q, out=np.zeros_like(q), where=q > 0.0))
 
 
+def wide_compliances(qx: FloatArray, qy: FloatArray, thickness: float) -> NDArray[np.complex128]:
+    """Displacements over loads (3, 3, ...) of a wide layer at wave numbers qx, qy (...) [1/mm]; see the module."""
+    q = np.hypot(qx, qy)
+    k = np.minimum(q * thickness, 40.0)
+    over = np.divide(1.0, q, out=np.zeros_like(q), where=q > 0.0)
+    x, y, sharp = qx * over, qy * over, k / np.cosh(k)
+    along = np.where(q > 0.0, (np.tanh(k) + sharp / np.cosh(k)) / (1.0 + sharp**2) * 0.5 * over, thickness)
+    across = np.where(q > 0.0, np.tanh(k) * over, thickness)
+    turned = 1j * sharp**2 / (1.0 + sharp**2) * 0.5 * over
+    found = np.zeros((3, 3, *q.shape), np.complex128)
+    found[0, 0], found[1, 1] = across + (along - across) * x**2, across + (along - across) * y**2
+    found[0, 1] = found[1, 0] = (along - across) * x * y
+    found[2, 0], found[2, 1] = turned * x, turned * y
+    found[0, 2], found[1, 2] = -turned * x, -turned * y
+    found[2, 2] = wide_compliance(q, thickness)
+    return found
+
+
 class WideLayer:
     """Response of a layer without walls on a grid of equally spaced nodes, by Fourier transforms."""
 
@@ -80,26 +107,58 @@ class WideLayer:
         )
         qx = 2.0 * np.pi * fft.fftfreq(self._size[0], steps[0])
         qy = 2.0 * np.pi * fft.rfftfreq(self._size[1], steps[1])
-        self._compliance = wide_compliance(np.hypot(qx[:, None], qy), thickness)
+        self._waves, self._thickness = np.meshgrid(qx, qy, indexing="ij"), thickness
+        self._compliance = wide_compliance(np.hypot(*self._waves), thickness)
+
+    @cached_property
+    def _compliances(self) -> NDArray[np.complex128]:
+        qx, qy = self._waves
+        return wide_compliances(qx, qy, self._thickness)
+
+    def waves_of(self, loads: FloatArray) -> NDArray[np.complex128]:
+        """Fourier transforms of loads (..., nx, ny), scaled so that those of x and -x together count once."""
+        waves = fft.rfft2(loads, s=self._size, workers=2)
+        twice = np.full(waves.shape[-1], 2.0)
+        twice[0] = 1.0
+        if self._size[1] % 2 == 0:
+            twice[-1] = 1.0
+        return np.asarray(waves * np.sqrt(twice / np.prod(self._size)))
+
+    def work(self, waves: NDArray[np.complex128], i: int, j: int) -> FloatArray:
+        """Work (load, load) of one load's component i in the motion by another's component j, by Parseval's theorem."""
+        kernel = self._compliances[i, j].ravel()
+        flat = waves.reshape(len(waves), -1)
+        return np.asarray((flat.conj() @ (flat * kernel).T).real)
 
     def moved(self, pressure: FloatArray) -> FloatArray:
-        """Displacement (..., nx, ny) of the nodes under a pressure (..., nx, ny)."""
+        """Downward displacement (..., nx, ny) of the nodes under a pressure (..., nx, ny)."""
         waves = fft.rfft2(pressure, s=self._size, workers=2)
         waves *= self._compliance
         found = fft.irfft2(waves, s=self._size, workers=2, overwrite_x=True)
         return np.asarray(found[..., : pressure.shape[-2], : pressure.shape[-1]])
 
-    def within(self, shape: tuple[int, int]) -> WideLayer:
-        """The same response among the nodes of a smaller grid, at less cost."""
-        kernel = fft.irfft2(self._compliance, s=self._size)
+    def moved_by(self, load: FloatArray) -> FloatArray:
+        """Displacement (3, nx, ny) of the nodes under a load (3, nx, ny)."""
+        waves = fft.rfft2(load, s=self._size, workers=2)
+        found = fft.irfft2(np.einsum("ijxy,jxy->ixy", self._compliances, waves), s=self._size, workers=2)
+        return np.asarray(found[..., : load.shape[-2], : load.shape[-1]])
+
+    def within(self, shape: tuple[int, int], sideways: bool = False) -> WideLayer:
+        """The same response among the nodes of a smaller grid, at less cost; that to sideways loads only if asked."""
         small = object.__new__(WideLayer)
         small._size = tuple(
             min(fft.next_fast_len(2 * n, real=True), size) for n, size in zip(shape, self._size, strict=True)
         )
-        for axis, size in enumerate(small._size):
-            near = np.fft.fftfreq(size, 1.0 / size).astype(np.int64)
-            kernel = kernel.take(near, axis=axis)
-        small._compliance = fft.rfft2(kernel).real
+
+        def cut(waves: NDArray[Any]) -> NDArray[np.complex128]:
+            kernel = fft.irfft2(waves, s=self._size)
+            for axis, size in enumerate(small._size):
+                kernel = kernel.take(np.fft.fftfreq(size, 1.0 / size).astype(np.int64), axis=axis - 2)
+            return np.asarray(fft.rfft2(kernel))
+
+        if sideways:
+            small._compliances = cut(self._compliances)
+        small._compliance = cut(self._compliance).real
         return small
 
 
@@ -125,7 +184,8 @@ class PadLayer:
     ----------
     thickness : thickness of the wide layer, the elastic thickness at the pad's highest point [mm]
     knots : for x and y, knots of the cubic B-splines [mm]
-    coefficients : (spline, spline) the matrix C; the index of y runs fastest
+    coefficients : (spline, spline) the matrix C of downward motion by pressure, or (3 spline, 3 spline) that of all
+        components' motion by all components' loads; the index of y runs fastest, that of the component slowest
     """
 
     thickness: float
@@ -147,19 +207,25 @@ def _splines(knots: FloatArray, at: FloatArray) -> csr_matrix:
     return csr_matrix(BSpline.design_matrix(np.clip(at, low, high), knots, 3))
 
 
-def pad_layer(plan: Plan, black_mm: float) -> PadLayer:
+PRESSURE, ALL = (2,), (0, 1, 2)
+"""Components of load and motion: downward alone, or along x and y, too."""
+
+
+def pad_layer(plan: Plan, black_mm: float, sideways: bool = False) -> PadLayer:
     """The response of a pad; it takes seconds, then it is kept, also in the store of traced light.
 
     Parameters
     ----------
     plan : outline and top of the pad
     black_mm : thickness of the black layer, which deforms with the clear one
+    sideways : whether with loads and motions along x and y, which takes three times as long
     """
-    return _found(plan.outline.kind, plan.outline.box_mm, plan.top, plan.top.clear_mm + black_mm)
+    thickness = plan.top.clear_mm + black_mm
+    return _found(plan.outline.kind, plan.outline.box_mm, plan.top, thickness, ALL if sideways else PRESSURE)
 
 
 @lru_cache(maxsize=16)
-def _found(kind: Kind, box_mm: Box, top: Top, thickness: float) -> PadLayer:
+def _found(kind: Kind, box_mm: Box, top: Top, thickness: float, components: tuple[int, ...]) -> PadLayer:
     outline = outline_in(kind, box_mm)
     sides = box_mm[2] - box_mm[0], box_mm[3] - box_mm[1]
     elements = [int(np.clip(np.ceil(side / 2 / (ELEMENT * thickness)), 4, MOST_ELEMENTS)) for side in sides]
@@ -169,32 +235,42 @@ def _found(kind: Kind, box_mm: Box, top: Top, thickness: float) -> PadLayer:
         for low, side, count in zip(box_mm[:2], sides, counts, strict=True)
     )
     here = source_fingerprint([sys.modules[__name__]])
-    name = hashlib.blake2b(repr((here, kind, box_mm, top, thickness)).encode(), digest_size=16).digest()
+    name = hashlib.blake2b(
+        repr((here, kind, box_mm, top, thickness, components)).encode(), digest_size=16
+    ).digest()
     store, size = light_store(), (len(x) - 4) * (len(y) - 4)
     kept = store.read([name]).get(name) if store else None
     if kept is not None:
-        return PadLayer(thickness, (x, y), np.frombuffer(kept).reshape(size, size))
-    found = _coefficients(outline, top, thickness, (x, y), elements)
+        return PadLayer(thickness, (x, y), np.frombuffer(kept).reshape(2 * [len(components) * size]))
+    found = _coefficients(outline, top, thickness, (x, y), elements, components)
     if store:
         store.write({name: found.tobytes()})
     return PadLayer(thickness, (x, y), found)
 
 
 def _coefficients(
-    outline: Outline, top: Top, thickness: float, knots: Knots, elements: list[int]
+    outline: Outline,
+    top: Top,
+    thickness: float,
+    knots: Knots,
+    elements: list[int],
+    components: tuple[int, ...],
 ) -> FloatArray:
-    """The matrix C of the splines."""
-    wide, mass = _wide_part(outline, top, thickness, knots)
-    pad = _Quarter(outline, top, thickness, elements).answer(knots)
+    """The matrix C of `PadLayer`."""
+    wide, mass = _wide_part(outline, top, thickness, knots, components)
+    pad = _Quarter(outline, top, thickness, elements).answer(knots, components)
     kept = np.ix_(*2 * [np.flatnonzero(np.diag(mass) > LEAST_MASS * np.diag(mass).max())])
     inverse = np.zeros_like(mass)
     inverse[kept] = pinvh(mass[kept])
     found = inverse @ (pad - wide) @ inverse
+    found = found.transpose(0, 2, 1, 3).reshape(2 * [len(components) * len(mass)])
     return np.asarray(0.5 * (found + found.T))
 
 
-def _wide_part(outline: Outline, top: Top, thickness: float, knots: Knots) -> tuple[FloatArray, FloatArray]:
-    """The matrices W and M of the splines."""
+def _wide_part(
+    outline: Outline, top: Top, thickness: float, knots: Knots, components: tuple[int, ...]
+) -> tuple[FloatArray, FloatArray]:
+    """The matrices W (component, component, spline, spline) and M of the splines."""
     x0, y0, x1, y1 = outline.box_mm
     nodes = [GRID * (len(one) - 7) for one in knots]
     steps = (x1 - x0) / nodes[0], (y1 - y0) / nodes[1]
@@ -209,9 +285,14 @@ def _wide_part(outline: Outline, top: Top, thickness: float, knots: Knots) -> tu
     splines = np.einsum("xi,yj->ijxy", *shapes).reshape(-1, inside.size)
     area = steps[0] * steps[1]
     mass = area * (splines * (inside * stretch).ravel()) @ splines.T
-    loads = splines * (inside * stretch**0.75).ravel()
-    moved = WideLayer(thickness, steps, inside.shape).moved(loads.reshape(-1, *inside.shape))
-    return area * loads @ moved.reshape(loads.shape).T, mass
+    loads = (splines * (inside * stretch**0.75).ravel()).reshape(-1, *inside.shape)
+    layer = WideLayer(thickness, steps, inside.shape)
+    waves = layer.waves_of(loads)
+    found = np.zeros((*2 * [len(components)], *mass.shape))
+    for (a, i), (b, j) in itertools.combinations_with_replacement(enumerate(components), 2):
+        found[a, b] = area * layer.work(waves, i, j)
+        found[b, a] = found[a, b].T
+    return found, mass
 
 
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(3)
@@ -272,23 +353,34 @@ class _Quarter:
         weights = np.einsum("a,b,c->abc", WEIGHTS, WEIGHTS, WEIGHTS).ravel() * np.linalg.det(jacobian)
         return np.einsum("gns,egsx->egnx", local, np.linalg.inv(jacobian), optimize=True), weights
 
-    def answer(self, knots: Knots) -> FloatArray:
-        """The matrix F of the splines in the whole pad."""
+    def answer(self, knots: Knots, components: tuple[int, ...]) -> FloatArray:
+        """The matrices F (component, component, spline, spline) of the splines in the whole pad."""
         forces, x, y = self._top()
         shapes = [_splines(one, at).toarray() for one, at in zip(knots, (x, y), strict=True)]
-        total = np.zeros((shapes[0].shape[1] * shapes[1].shape[1],) * 2)
+        total = np.zeros((*2 * [len(components)], *2 * [shapes[0].shape[1] * shapes[1].shape[1]]))
         for parity in PARITIES:
-            folded, spread = zip(
-                *(_folding(one.shape[1], even) for one, even in zip(shapes, parity, strict=True)), strict=True
-            )
-            one, other = (shape @ fold for shape, fold in zip(shapes, folded, strict=True))
-            load = forces @ np.einsum("gi,gj->gij", one, other).reshape(len(x), -1)
-            both = np.kron(*spread)
-            total += both @ (4.0 * load.T @ self._moved(parity, load)) @ both.T
+            loads, spreads = [], []
+            for k in components:
+                folded, spread = zip(
+                    *(
+                        _folding(one.shape[1], -even if axis == k else even)
+                        for axis, (one, even) in enumerate(zip(shapes, parity, strict=True))
+                    ),
+                    strict=True,
+                )
+                one, other = (shape @ fold for shape, fold in zip(shapes, folded, strict=True))
+                loads.append(forces[k] @ np.einsum("gi,gj->gij", one, other).reshape(len(x), -1))
+                spreads.append(np.kron(*spread))
+            moved = self._moved(parity, np.concatenate(loads, axis=1))
+            ends = np.cumsum([one.shape[1] for one in loads])[:-1]
+            for j, motion in enumerate(np.split(moved, ends, axis=1)):
+                for i, load in enumerate(loads):
+                    total[i, j] += spreads[i] @ (4.0 * load.T @ motion) @ spreads[j].T
         return total
 
-    def _top(self) -> tuple[csr_matrix, FloatArray, FloatArray]:
-        """Nodal forces by a unit pressure around each of Gauss' points on the top, and the points' cavity x and y."""
+    def _top(self) -> tuple[list[csr_matrix], FloatArray, FloatArray]:
+        """Nodal forces by unit loads along x, y and downward around each of Gauss' points on the top, and the points'
+        cavity x and y."""
         node = _windows(self.number[:, :, -1], 3)
         shape = np.einsum("ai,bj->abij", QUADRATIC, QUADRATIC).reshape(9, 9)
         along = [
@@ -297,13 +389,19 @@ class _Quarter:
         at = self.places[node]
         areas = np.cross(*(np.einsum("gn,enx->egx", one, at) for one in along))
         areas *= np.outer(WEIGHTS, WEIGHTS).reshape(1, 9, 1)
-        values = -np.einsum("gn,egx->egnx", shape, areas)
+        size = np.linalg.norm(areas, axis=-1, keepdims=True)
+        normal = areas / size
+        first = np.array([1.0, 0.0, 0.0]) - normal[..., :1] * normal
+        first /= np.linalg.norm(first, axis=-1, keepdims=True)
         rows = node[:, None, :, None] + len(self.places) * np.arange(3)
         columns = np.arange(areas.shape[0] * 9).reshape(-1, 9, 1, 1)
-        entries = values.ravel(), tuple(one.ravel() for one in np.broadcast_arrays(rows, columns))
         x, y, _ = np.einsum("gn,enx->xeg", shape, at).reshape(3, -1)
-        sizes = self.matrix.shape[0], len(x)
-        return csr_matrix(coo_matrix(entries, shape=sizes)), x + self.centre[0], y + self.centre[1]
+        found = []
+        for direction in (first, np.cross(normal, first), -normal):
+            values = np.einsum("gn,egx->egnx", shape, size * direction)
+            entries = values.ravel(), tuple(one.ravel() for one in np.broadcast_arrays(rows, columns))
+            found.append(csr_matrix(coo_matrix(entries, shape=(self.matrix.shape[0], len(x)))))
+        return found, x + self.centre[0], y + self.centre[1]
 
     def _moved(self, parity: tuple[int, int], load: FloatArray) -> FloatArray:
         """Displacements and pressures under loads (unknown, load) of a symmetry."""

@@ -37,7 +37,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -87,6 +87,9 @@ class HeldPress:
     area_mm2 : area of the contact
     depth_mm : depth from first touch
     notes : notes for the user
+    shear_mm : how far the objects moved sideways after the press, along the frame's x and y
+    pull_n : sideways force of the objects on the pad, along the frame's x and y
+    slip_share : share of the contact's area that slips [-]
     """
 
     top: GridTop
@@ -95,6 +98,9 @@ class HeldPress:
     area_mm2: float
     depth_mm: float
     notes: tuple[str, ...] = ()
+    shear_mm: tuple[float, float] = (0.0, 0.0)
+    pull_n: tuple[float, float] = (0.0, 0.0)
+    slip_share: float = 0.0
 
 
 def grid_of(contact: Contact, at_mm: Place) -> tuple[FloatArray, FloatArray]:
@@ -119,7 +125,7 @@ def _border(plan: Plan, at_mm: Place) -> tuple[FloatArray, FloatArray]:
     return border, ((np.column_stack([border, plan.top.height_mm(*border.T)]) - origin) @ axes.T)[:, :2]
 
 
-class _Pad:
+class Pad:
     """A pad's top on the grid of the press frame at a location."""
 
     def __init__(self, contact: Contact, at_mm: Place) -> None:
@@ -139,8 +145,13 @@ class _Pad:
         self.wall_mm = np.where(np.isfinite(self.sag_mm), plan.outline.gap_mm(x, y), -np.inf)
         self.inside = self.wall_mm > -1e-9
         self.slope = np.maximum(normal, LEAST_NORMAL)
-        self._plan, self._black_mm, self._at_mm = plan, cavity.black_thickness_mm, at_mm
+        self._plan, self._black_mm, self.at_mm = plan, cavity.black_thickness_mm, at_mm
         self._in_cavity, self._nodes = (x, y), places
+
+    def sag_at(self, moved: FloatArray, part: Window) -> FloatArray:
+        """Sag (nx, ny) of a part of the untouched top where its points moved sideways (2, nx, ny) [mm]."""
+        x, y = self._nodes[:, *part] + moved
+        return np.nan_to_num(self._plan.top.in_frame.sag_mm(x, y))
 
     @cached_property
     def layer(self) -> PadLayer:
@@ -160,7 +171,7 @@ class _Pad:
     @cached_property
     def _walls(self) -> tuple[FloatArray, csr_matrix, csr_matrix]:
         """Points of the border as places (2, n) in the grid, their splines, and the matrix of `_faded`."""
-        border, in_frame = _border(self._plan, self._at_mm)
+        border, in_frame = _border(self._plan, self.at_mm)
         places = (in_frame - (self.x_mm[0], self.y_mm[0])).T / self.step_mm
         nodes = np.stack([one[self.inside] for one in self._nodes], axis=1)
         return places, self.layer.at(*border.T), self._faded(in_frame, nodes)
@@ -180,31 +191,56 @@ class _Pad:
         return csr_matrix((values.ravel(), columns.ravel(), pointer), shape=(len(nodes), len(border)))
 
     def moved(self, load: FloatArray) -> FloatArray:
-        """Downward displacement (nx, ny) of the top along its normal [mm]; 0 at the walls and outside.
+        """Displacement of the top [mm]; 0 at the walls and outside.
 
         Parameters
         ----------
-        load : (nx, ny) pressure times the top's area over the grid's [shear moduli]
+        load : (nx, ny) pressure, or (3, nx, ny) loads along the frame's x and y and pressure, times the top's area over
+            the grid's [shear moduli]
+
+        Returns
+        -------
+        displacement of the shape of `load`, that by pressure downward along the top's normal
         """
         steep = self.slope**0.25
-        wide = steep * self.wide.moved(steep * load)
-        change = self.layer.coefficients @ (self.splines.T @ load[self.inside]) * self.step_mm**2
+        wide = steep * (self.wide.moved if load.ndim == 2 else self.wide.moved_by)(steep * load)
+        change = self._changed((self.splines.T @ load[..., self.inside].T).T)
         places, splines, faded = self._walls
-        left = map_coordinates(wide, places, order=1, mode="nearest") + splines @ change
         found = np.zeros_like(load)
-        found[self.inside] = wide[self.inside] + self.splines @ change - faded @ left
+        for k in np.ndindex(load.shape[:-2]):  # one empty index, or that of each component
+            left = map_coordinates(wide[k], places, order=1, mode="nearest") + splines @ change[k]
+            found[k][self.inside] = wide[k][self.inside] + self.splines @ change[k] - faded @ left
         return found
 
-    def _response(self, window: Window) -> Callable[[FloatArray], FloatArray]:
+    def _changed(self, shares: FloatArray) -> FloatArray:
+        """Factors (..., spline) of the splines that change a wide layer's motion, from the loads on them."""
+        if shares.ndim == 1:
+            return np.asarray(self.layer.coefficients @ shares) * self.step_mm**2
+        found = self.sideways.coefficients @ (self._turn @ shares).ravel()
+        return np.asarray(self._turn.T @ found.reshape(shares.shape)) * self.step_mm**2
+
+    @cached_property
+    def sideways(self) -> PadLayer:
+        """`layer` with loads and motions along x and y of the cavity; it takes seconds."""
+        return pad_layer(self._plan, self._black_mm, sideways=True)
+
+    @cached_property
+    def _turn(self) -> FloatArray:
+        """Rotation (3, 3) of components in the press frame to those in the cavity, about the top's normal."""
+        angle = math.radians(self._plan.top.frame_turn_deg)
+        c, s = math.cos(angle), math.sin(angle)
+        return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+    def response(self, window: Window, sideways: bool = False) -> Callable[[FloatArray], FloatArray]:
         """The function from loads to displacements in a part of the grid; without what is taken back at the walls."""
         inside, steep = self.inside[window], self.slope[window] ** 0.25
         number = np.cumsum(self.inside).reshape(self.inside.shape)[window][inside] - 1
-        splines, wide = self.splines[number], self.wide.within((inside.shape[0], inside.shape[1]))
+        splines, wide = self.splines[number], self.wide.within((inside.shape[0], inside.shape[1]), sideways)
+        spread = splines.T.tocsr()
 
         def moved(load: FloatArray) -> FloatArray:
-            change = self.layer.coefficients @ (splines.T @ load[inside]) * self.step_mm**2
-            found = steep * wide.moved(steep * load)
-            found[inside] += splines @ change
+            found = steep * (wide.moved if load.ndim == 2 else wide.moved_by)(steep * load)
+            found[..., inside] += (splines @ self._changed((spread @ load[..., inside].T).T).T).T
             return found
 
         return moved
@@ -221,7 +257,7 @@ class _Pad:
         while True:
             x, y = (slice(int(k.min()), int(k.max()) + 1) for k in np.nonzero(near))
             load, start = np.zeros_like(gap), np.maximum(-gap[x, y], 0.0)
-            load[x, y], _ = contact_pressure(self._response((x, y)), gap[x, y], settled, start)
+            load[x, y], _ = contact_pressure(self.response((x, y)), gap[x, y], settled, start)
             moved = self.moved(load)
             beyond = moved + gap < -FORGIVEN * depth_mm
             beyond[x, y] = False
@@ -231,8 +267,8 @@ class _Pad:
 
 
 @lru_cache(maxsize=4)
-def _pad_at(contact: Contact, at_mm: Place) -> _Pad:
-    return _Pad(contact, at_mm)
+def _pad_at(contact: Contact, at_mm: Place) -> Pad:
+    return Pad(contact, at_mm)
 
 
 def held_press(
@@ -262,6 +298,21 @@ def held_press(
     for name, value in (("depth_mm", depth_mm), ("force_n", force_n)):
         if value is not None and not (math.isfinite(value) and value >= 0.0):
             raise InputError(f"{name}: {value} must be a finite number, 0 or more")
+    pad, gap = touched(contact, at_mm, bottoms)
+    if depth_mm is not None:
+        return at_depth(pad, gap, depth_mm)
+    assert force_n is not None
+    return _at_force(pad, gap, force_n)
+
+
+def touched(contact: Contact, at_mm: Place, bottoms: FloatArray) -> tuple[Pad, FloatArray]:
+    """A pad, and the gap (nx, ny) along the frame's z between its untouched top and objects at first touch [mm].
+
+    Raises
+    ------
+    InputError : the heights do not fit the grid
+    ModelScopeError : no object is over the pad
+    """
     if not contact.draft.plan.contains(*at_mm):
         raise InputError(f"at_mm: x = {at_mm[0]:g}, y = {at_mm[1]:g} mm must lie in the pad")
     pad = _pad_at(contact, at_mm)
@@ -270,14 +321,10 @@ def held_press(
     gap = bottoms + np.nan_to_num(pad.sag_mm, nan=float(np.nanmax(pad.sag_mm)))
     if not np.isfinite(gap[pad.wall_mm > 1e-9]).any():
         raise ModelScopeError("objects: none of them is over the pad; move them")
-    gap = gap - _first_touch(gap, pad)
-    if depth_mm is not None:
-        return _at_depth(pad, at_mm, gap, depth_mm)
-    assert force_n is not None
-    return _at_force(pad, at_mm, gap, force_n)
+    return pad, gap - _first_touch(gap, pad)
 
 
-def _first_touch(gap: FloatArray, pad: _Pad) -> float:
+def _first_touch(gap: FloatArray, pad: Pad) -> float:
     """Height at which the objects first touch the untouched top [mm]."""
     inner = np.where(pad.inside, gap, np.inf)
     if not pad.sag_mm.any():
@@ -294,8 +341,10 @@ def _first_touch(gap: FloatArray, pad: _Pad) -> float:
     return lowest
 
 
-def _require_scope(pad: _Pad, gap: FloatArray, depth_mm: float) -> None:
+def require_scope(pad: Pad, gap: FloatArray, depth_mm: float) -> None:
     """Refuse a press that the model does not cover, before it is solved."""
+    if depth_mm == 0.0:
+        return
     if depth_mm > pad.deepest_mm + 1e-9:
         raise ModelScopeError(
             f"depth: {depth_mm:g} mm is deeper than the model of pressed objects covers: {pad.deepest_mm:.3g} mm, "
@@ -315,14 +364,14 @@ DEPTH_ERROR, SHALLOWEST = 1e-6, 1e-3
 """Accepted relative error of the depth of a press with a given force, and of the deepest depth that is covered."""
 
 
-def _at_force(pad: _Pad, at_mm: Place, gap: FloatArray, force_n: float) -> HeldPress:
+def _at_force(pad: Pad, gap: FloatArray, force_n: float) -> HeldPress:
     """The press with a force; its power 2/3, which is nearly linear in the depth, is interpolated."""
     if force_n == 0.0:
-        return _at_depth(pad, at_mm, gap, 0.0)
-    strongest, step, refused = _at_depth(pad, at_mm, gap, 0.0), pad.deepest_mm, None
+        return at_depth(pad, gap, 0.0)
+    strongest, step, refused = at_depth(pad, gap, 0.0), pad.deepest_mm, None
     while strongest.force_n < force_n and step > SHALLOWEST * pad.deepest_mm:
         try:
-            strongest = _at_depth(pad, at_mm, gap, min(strongest.depth_mm + step, pad.deepest_mm))
+            strongest = at_depth(pad, gap, min(strongest.depth_mm + step, pad.deepest_mm))
         except ModelScopeError as err:
             refused = err
         step = 0.5 * step
@@ -336,23 +385,25 @@ def _at_force(pad: _Pad, at_mm: Place, gap: FloatArray, force_n: float) -> HeldP
         )
 
     def excess_n(depth_mm: float) -> float:
-        return float(_at_depth(pad, at_mm, gap, depth_mm).force_n ** (2 / 3) - force_n ** (2 / 3))
+        return float(at_depth(pad, gap, depth_mm).force_n ** (2 / 3) - force_n ** (2 / 3))
 
     found = brentq(excess_n, 0.0, deepest, rtol=DEPTH_ERROR, xtol=DEPTH_ERROR * deepest)
-    return _at_depth(pad, at_mm, gap, found)
+    return at_depth(pad, gap, found)
 
 
-def _at_depth(pad: _Pad, at_mm: Place, gap: FloatArray, depth_mm: float) -> HeldPress:
-    zero = np.zeros_like(gap)
-    top = GridTop(at_mm=at_mm, x_mm=pad.x_mm, y_mm=pad.y_mm, height_mm=zero, level=zero - pad.step_mm)
-    untouched = HeldPress(top=top, pressure_mpa=zero, force_n=0.0, area_mm2=0.0, depth_mm=depth_mm)
-    if depth_mm == 0.0:
-        return untouched
-    _require_scope(pad, gap, depth_mm)
-    if gap.min() >= depth_mm:  # between the nodes
-        return untouched
+def at_depth(pad: Pad, gap: FloatArray, depth_mm: float) -> HeldPress:
+    """The press to a depth, with the gap (nx, ny) at first touch as of `touched`."""
+    require_scope(pad, gap, depth_mm)
+    if depth_mm == 0.0 or gap.min() >= depth_mm:  # or between the nodes
+        zero = np.zeros_like(gap)
+        top = GridTop(at_mm=pad.at_mm, x_mm=pad.x_mm, y_mm=pad.y_mm, height_mm=zero, level=zero - pad.step_mm)
+        return HeldPress(top=top, pressure_mpa=zero, force_n=0.0, area_mm2=0.0, depth_mm=depth_mm)
     overlap = np.where(pad.wall_mm > 1e-9, gap - depth_mm, np.inf)
-    load, moved = pad.pressed(pad.slope * overlap, depth_mm)
+    return settled(pad, overlap, *pad.pressed(pad.slope * overlap, depth_mm), depth_mm)
+
+
+def settled(pad: Pad, overlap: FloatArray, load: FloatArray, moved: FloatArray, depth_mm: float) -> HeldPress:
+    """A press with its load and downward motion (nx, ny), and the objects' height over the untouched top (nx, ny)."""
     touching = load > 0.0
     nearest = float(pad.wall_mm[touching].min())
     if nearest < NEAREST_HELD * pad.layer.thickness:
@@ -368,7 +419,7 @@ def _at_depth(pad: _Pad, at_mm: Place, gap: FloatArray, depth_mm: float) -> Held
     pressure *= pad.shear_mpa / excess(overlap, level, pad.step_mm, pad.thickness_mm)
     cell, area = pad.step_mm**2, _area(level, pad.step_mm)
     return HeldPress(
-        top=replace(top, height_mm=height, level=level),
+        top=GridTop(at_mm=pad.at_mm, x_mm=pad.x_mm, y_mm=pad.y_mm, height_mm=height, level=level),
         pressure_mpa=pressure,
         force_n=float(pressure.sum() * cell),
         area_mm2=area,
@@ -384,7 +435,7 @@ SHARP_SHARE = 1.0 / 6.0
 
 
 def _notes(
-    pad: _Pad, gap: FloatArray, touching: BoolArray, area_mm2: float, depth_mm: float
+    pad: Pad, gap: FloatArray, touching: BoolArray, area_mm2: float, depth_mm: float
 ) -> tuple[str, ...]:
     """Notes on a contact, with the gap (nx, ny) between object and top [mm]; refuses one that is not covered."""
     notes, nodes = [], int(touching.sum())

@@ -1,0 +1,313 @@
+r"""A sideways motion of objects that were pressed into a pad: stick, partial slip and slip.
+
+The objects are pressed without friction (`press`). Then they move sideways at a constant depth. The load t along the
+top and the pressure p move it sideways by u and downward by w, by the linear response of the pad (`layer`). With the
+sideways motion s of the objects and the friction f (Coulomb):
+
+    |t| ≤ f p,      where |t| < f p:   du = ds                    the top sticks to the objects
+                    where |t| = f p:   ds - du = λ t,  λ ≥ 0      the objects slip over it
+
+For a step ds this is the minimum of ½ <t, G t> - <t, ds - du⁰> over all |t| ≤ f p, with du⁰ the motion by the step's
+change of pressure (Kalker, Three-Dimensional Elastic Bodies in Rolling Contact, 1990, chapter 4). It is found by
+spectral projected gradients (Birgin, Martínez and Raydan, SIAM J. Optim. 10 (2000), 1196-1211), in turn with the
+pressure, which the sideways load changes (`layer`).
+
+The nodes are points of the material. A point that was at X is at X + u, under the part of the objects' lowest surface b
+that was at X + u - s before the motion: the gap there is b(X + u - s) + w - depth. So a top that sticks keeps its
+contact, and one that slips passes through it. For the light model, the deformed top is drawn over the places X + u.
+
+The pad is softer under finite strains (`press`): the limit is f times the corrected pressure. Left out: friction during
+the press itself; that friction of silicone depends on speed, time and pressure; adhesion; the tilt of the surface in
+contact, which turns pressures sideways.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+from scipy.ndimage import map_coordinates, spline_filter
+
+from optopad.design.arrays import FloatArray
+from optopad.design.errors import InputError, ModelScopeError
+from optopad.design.held_object import LARGEST_FRICTION
+from optopad.sims.contact.held.press import (
+    FORGIVEN,
+    REACH,
+    SETTLED,
+    HeldPress,
+    Pad,
+    at_depth,
+    require_scope,
+    settled,
+    touched,
+)
+from optopad.sims.contact.held.solve import NotSettledError, contact_pressure
+from optopad.sims.contact.scope import Contact, Place
+from optopad.sims.press import GridTop
+
+STEP_MM = 0.1
+"""Longest step of a sideways motion; a point meets the objects' surface as it is at the end of a step."""
+ROUNDS, ROUND_ERROR = 12, 1e-3
+"""Most rounds of pressure and sideways load, and accepted change of the pressures in a round, over their sum [-]."""
+SIDEWAYS_ERROR = 1e-3
+"""Accepted sideways error of the top where it sticks, over the step [-]."""
+MOST_STEPS = 2000
+PULL_ERROR = 0.005
+"""Accepted error of a sideways force, over the force [-]."""
+LONGEST_MM = 2.0
+"""Longest sideways motion until a pull is reached [mm]; beyond it, friction does not hold."""
+
+
+def slid(
+    contact: Contact,
+    at_mm: Place,
+    bottoms: FloatArray,
+    *,
+    depth_mm: float,
+    friction: float,
+    path_mm: FloatArray,
+) -> list[HeldPress]:
+    """Press rigid objects into a pad, then move them sideways along a path, at constant depth.
+
+    Parameters
+    ----------
+    at_mm, bottoms, depth_mm : as of `optopad.sims.contact.held.press.held_press`
+    friction : Coulomb's coefficient [-]
+    path_mm : (n, 2) positions of the objects along the frame's x and y, from where they were pressed
+
+    Returns
+    -------
+    the press at each point of the path
+
+    Raises
+    ------
+    InputError : friction or path are invalid, or the objects do not touch
+    ModelScopeError : the press is outside the range of the model, there or on its way
+    """
+    path = np.asarray(path_mm, np.float64).reshape(-1, 2)
+    if not np.isfinite(path).all():
+        raise InputError("shear: needs two finite numbers of millimetres")
+    slide = _begun(contact, at_mm, bottoms, depth_mm, friction)
+    found = []
+    for start, end in pairwise(np.concatenate([np.zeros((1, 2)), path])):
+        count = math.ceil(float(np.hypot(*(end - start))) / STEP_MM - 1e-9)
+        for share in np.arange(1, count + 1) / max(count, 1):
+            slide.advance(start + share * (end - start))
+        found.append(slide.press())
+    return found
+
+
+def pulled(
+    contact: Contact,
+    at_mm: Place,
+    bottoms: FloatArray,
+    *,
+    depth_mm: float,
+    friction: float,
+    pull_n: tuple[float, float],
+) -> HeldPress:
+    """Press rigid objects into a pad, then pull them sideways with a force that grows to `pull_n` along x and y [N].
+
+    Other parameters and errors are those of `slid`.
+
+    Raises
+    ------
+    ModelScopeError : friction does not hold the objects.
+    """
+    if not np.isfinite(pull_n).all():
+        raise InputError("pull: needs two finite numbers of newtons")
+    slide, wanted = _begun(contact, at_mm, bottoms, depth_mm, friction), np.asarray(pull_n, np.float64)
+    size = float(np.hypot(*wanted))
+    holds = friction * slide.press().force_n
+    step, now = STEP_MM * wanted / max(size, 1e-12) * min(1.0, size / max(holds, 1e-12)), np.zeros(2)
+    while size > 0.0 and np.hypot(*(wanted - now)) > PULL_ERROR * size:
+        if size >= holds or np.hypot(*slide.at) > LONGEST_MM:
+            raise ModelScopeError(
+                f"pull: {size:.3g} N is more than friction holds: at most {holds:.3g} N, {friction:g} times the "
+                "force of the press; the objects would slide: pull less, press harder, or give --shear instead"
+            )
+        slide.advance(slide.at + step)
+        before, now = now, slide.pull_n
+        stiffness = float((now - before) @ step) / float(step @ step)
+        step = (wanted - now) / max(stiffness, 1e-9)
+        step *= min(1.0, STEP_MM / float(np.hypot(*step)))
+    return slide.press()
+
+
+def _begun(contact: Contact, at_mm: Place, bottoms: FloatArray, depth_mm: float, friction: float) -> Slide:
+    if not 0.0 <= friction <= LARGEST_FRICTION:
+        raise InputError(f"friction: {friction:g} is refused: give 0 to {LARGEST_FRICTION:g}")
+    return Slide(*touched(contact, at_mm, bottoms), depth_mm, friction)
+
+
+Part = tuple[slice, slice]
+WHOLE: Part = slice(None), slice(None)
+
+
+class Slide:
+    """Objects in a pad on their way sideways."""
+
+    def __init__(self, pad: Pad, gap: FloatArray, depth_mm: float, friction: float) -> None:
+        """Press them, given the gap (nx, ny) at first touch."""
+        self.pad, self.depth_mm, self.friction = pad, depth_mm, friction
+        self._start = at_depth(pad, gap, depth_mm)
+        if self._start.force_n == 0.0:
+            raise InputError(
+                f"shear: at {depth_mm:g} mm the objects do not touch the pad, so nothing holds them; press deeper"
+            )
+        self.at = np.zeros(2)
+        pressure = self._start.pressure_mpa / pad.shear_mpa
+        load, moved = pad.pressed(pad.slope * np.where(pad.wall_mm > 1e-9, gap - depth_mm, np.inf), depth_mm)
+        self.softness = float(pressure.sum() / (load * pad.slope).sum())
+        self.load = np.stack([np.zeros_like(load), np.zeros_like(load), load])
+        self.pressed = load
+        self.moved = np.stack([np.zeros_like(load), np.zeros_like(load), moved])
+        self.is_slipping = np.zeros(load.shape, np.bool_)
+        ceiling = min(float(gap.max(where=np.isfinite(gap), initial=0.0)), depth_mm + 4.0 * pad.thickness_mm)
+        self._gap, self._bottom = gap, spline_filter(np.minimum(gap - np.nan_to_num(pad.sag_mm), ceiling))
+        self._places = np.stack(np.meshgrid(*(np.arange(n) for n in load.shape), indexing="ij")).astype(float)
+
+    def _gap_at(self, at: FloatArray, moved: FloatArray, part: Part = WHOLE) -> FloatArray:
+        """Gap (nx, ny), without downward motion and depth, over points of the top that moved sideways (2, nx, ny)."""
+        if not at.any() and not moved.any():
+            return self._gap[part]
+        places = self._places[:, *part] + (moved - at[:, None, None]) / self.pad.step_mm
+        bottom = map_coordinates(self._bottom, places, order=3, mode="nearest", prefilter=False)
+        return np.asarray(bottom + self.pad.sag_at(moved, part))
+
+    def overlap(self, at: FloatArray, moved: FloatArray, part: Part = WHOLE) -> FloatArray:
+        """Height (nx, ny) of the objects above such points of the untouched top; infinite at and beyond the walls."""
+        return np.where(self.pad.wall_mm[part] > 1e-9, self._gap_at(at, moved, part) - self.depth_mm, np.inf)
+
+    def advance(self, to: FloatArray) -> None:
+        """Move the objects to a place (2,), in one step."""
+        pad, step = self.pad, to - self.at
+        before, moved = self.moved[:2].copy(), self.moved[:2].copy()
+        if self.friction > 0.0:
+            moved += np.where(self.load[2] > 0.0, step[:, None, None], 0.0)  # as if it stuck
+        require_scope(pad, self._gap_at(to, 0.0 * moved), self.depth_mm)
+        near = pad.slope * self.overlap(to, moved * 0.0) < (REACH - 1.0) * self.depth_mm
+        near |= self.load[2] > 0.0
+        while True:
+            x, y = (slice(int(k.min()), int(k.max()) + 1) for k in np.nonzero(near))
+            load = self._settled((x, y), to, before, moved)
+            total = pad.moved(load)
+            total[:2] -= pad.moved(np.stack([0.0 * load[2], 0.0 * load[2], self.pressed]))[:2]
+            gap = total[2] + pad.slope * self.overlap(to, total[:2])
+            beyond = gap < -FORGIVEN * self.depth_mm
+            beyond[x, y] = False
+            if not beyond.any():
+                break
+            near |= beyond
+        self.at, self.load, self.moved = to, load, total
+
+    def _settled(self, window: Part, to: FloatArray, before: FloatArray, moved: FloatArray) -> FloatArray:
+        """Load (3, nx, ny) after a step, with the contact within a part of the grid."""
+        pad, cut = self.pad, (slice(None), *window)
+        whole, pressure_alone = pad.response(window, sideways=True), pad.response(window)
+        load, was, step = self.load[cut].copy(), before[cut], to - self.at
+        still, first = np.zeros_like(load), self.pressed[window]
+        u = moved[cut].copy()
+        limit = np.zeros_like(first)
+        for _ in range(ROUNDS):
+            overlap = pad.slope[window] * self.overlap(to, u, window)
+            still[:2], still[2] = load[:2], 0.0
+            risen = whole(still)[2]
+            pressure, _ = contact_pressure(
+                pressure_alone,
+                overlap + risen,
+                SETTLED * self.depth_mm,
+                np.maximum(load[2], -overlap * (overlap < 0.0)),
+            )
+            change = float(np.abs(pressure - load[2]).sum() / pressure.sum())
+            load[2] = pressure
+            still[:2], still[2] = 0.0, pressure - first
+            drawn = whole(still)[:2]
+            wanted = step[:, None, None] + was - drawn
+            limit = self.friction * self.softness * pressure
+            load[:2] = _sideways_load(whole, load[:2], wanted, limit, SIDEWAYS_ERROR * float(np.hypot(*step)))
+            still[:2], still[2] = load[:2], 0.0
+            u = 0.5 * (u + whole(still)[:2] + drawn)
+            if change <= ROUND_ERROR:
+                break
+        else:
+            raise NotSettledError("shear: pressure and friction did not settle; move the objects less far")
+        self.is_slipping = np.zeros(self.is_slipping.shape, np.bool_)
+        self.is_slipping[window] = (load[2] > 0.0) & (np.hypot(*load[:2]) >= (1.0 - 1e-6) * limit)
+        found = np.zeros_like(self.load)
+        found[cut] = load
+        return found
+
+    @property
+    def pull_n(self) -> FloatArray:
+        """Sideways force (2,) of the objects on the pad [N]."""
+        return np.asarray(self.load[:2].sum(axis=(1, 2)) * self.pad.shear_mpa * self.pad.step_mm**2)
+
+    def press(self) -> HeldPress:
+        """The press as it is now."""
+        pad = self.pad
+        if not self.at.any() and not self.load[:2].any():
+            return self._start
+        overlap = self.overlap(self.at, self.moved[:2])
+        found = settled(pad, overlap, self.load[2], self.moved[2], self.depth_mm)
+        touching = self.load[2] > 0.0
+        pull = self.pull_n
+        return replace(
+            found,
+            top=self._drawn(found),
+            shear_mm=(float(self.at[0]), float(self.at[1])),
+            pull_n=(float(pull[0]), float(pull[1])),
+            slip_share=float(self.is_slipping[touching].mean()),
+        )
+
+    def _drawn(self, found: HeldPress) -> GridTop:
+        """The top over the places to which its points moved."""
+        top, moved = found.top, self.moved[:2] / self.pad.step_mm
+        at = self._places - moved
+        for _ in range(PLACE_ROUNDS):
+            shift = np.stack([map_coordinates(one, at, order=1, mode="nearest") for one in moved])
+            at = self._places - shift
+        level = map_coordinates(top.level, at, order=1, mode="nearest")
+        height = map_coordinates(top.height_mm, at, order=3, mode="nearest")
+        exact = self.overlap(self.at, np.zeros_like(moved))
+        return replace(top, height_mm=np.where(level > 0.0, exact, height), level=level)
+
+
+PLACE_ROUNDS = 6
+
+
+def _sideways_load(
+    moved: Callable[[FloatArray], FloatArray],
+    start: FloatArray,
+    wanted: FloatArray,
+    limit: FloatArray,
+    error: float,
+) -> FloatArray:
+    """Load (2, nx, ny) within a limit (nx, ny) that moves the top as wanted (2, nx, ny), where it can."""
+
+    def within(load: FloatArray) -> FloatArray:
+        size = np.hypot(*load)
+        return np.asarray(
+            load * np.minimum(1.0, np.divide(limit, size, out=np.ones_like(size), where=size > 0.0))
+        )
+
+    def motion(load: FloatArray) -> FloatArray:
+        return moved(np.concatenate([load, np.zeros((1, *limit.shape))]))[:2]
+
+    load = within(start)
+    slope = motion(load) - wanted
+    scale = 1.0
+    for _ in range(MOST_STEPS):
+        way = within(load - scale * slope) - load
+        if np.abs(way).max() <= error * min(scale, 1.0):
+            return load
+        answer = motion(way)
+        bend = float((way * answer).sum())
+        length = min(1.0, -float((way * slope).sum()) / bend)
+        load, slope = load + length * way, slope + length * answer
+        scale = float((way * way).sum()) / bend
+    raise NotSettledError("shear: friction did not settle; move the objects less far")
