@@ -20,6 +20,7 @@ from unittest.mock import patch
 import numpy as np
 
 from optopad.design.arrays import FloatArray
+from optopad.design.errors import ModelScopeError
 from optopad.design.preset import preset
 from optopad.sims.contact.held import press as model
 from optopad.sims.contact.held.press import touched
@@ -56,7 +57,7 @@ class Modelled:
 
 @cache
 def modelled(name: str, depth_mm: float, friction: float) -> list[Modelled]:
-    """The states of the model at `SHEARS_MM`."""
+    """The states of the model at `SHEARS_MM`, as far as it covers them."""
     radius = CASES[name].radius_mm
     if radius is None:
         contact, at = contact_of(preset(PAD)), MIDDLE
@@ -80,8 +81,11 @@ def _states(slide: Slide, is_long: bool) -> Iterator[Modelled]:
     cell = pad.step_mm if is_long else pad.step_mm**2
     for before, shear in pairwise((0.0, *SHEARS_MM)):
         count = int(np.ceil((shear - before) / STEP_MM - 1e-9))
-        for share in np.arange(1, count + 1) / max(count, 1):
-            slide.advance(np.array([before + share * (shear - before), 0.0]))
+        try:
+            for share in np.arange(1, count + 1) / max(count, 1):
+                slide.advance(np.array([before + share * (shear - before), 0.0]))
+        except ModelScopeError:
+            return
         found = slide.press()
         top, here = found.top, int(np.abs(x - shear).argmin())
         along, across = top.height_mm[:, middle], top.height_mm[here]
@@ -131,6 +135,12 @@ def compared(truth: Slid, coarse: Slid, state: Modelled) -> list[str]:
     ]
 
 
+def refused(truth: Slid) -> list[str]:
+    """The row of a state that the model does not cover."""
+    first = [truth.case, f"{truth.depth_mm:g}", f"{truth.friction:g}", f"{truth.shear_mm:g}", truth.line]
+    return [*first, f"{truth.force:.3f}", "refused", f"{truth.pull:.3f}", *[""] * (len(HEAD) - 8)]
+
+
 HEAD = ["object", "depth mm", "friction", "shear mm", "line", "force/E", "model %", "pull/E", "model %"]
 HEAD += ["slips %: solved, model", "ends of the contact µm", "top beside the contact: rms, largest µm"]
 HEAD += ["% of the depth", "largest behind; at; in front µm", "meshes: pull %, top µm"]
@@ -145,7 +155,12 @@ def table(begins: list[str]) -> str:
         kept = {(row.mesh, row.shear_mm, row.line): row for row in group}
         for (mesh, shear, line), row in kept.items():
             if mesh == "fine":
-                body.append(compared(row, kept["coarse", shear, line], states[SHEARS_MM.index(shear)]))
+                at = SHEARS_MM.index(shear)
+                body.append(
+                    compared(row, kept["coarse", shear, line], states[at])
+                    if at < len(states)
+                    else refused(row)
+                )
     return markdown_table(HEAD, body)
 
 
