@@ -51,8 +51,9 @@ from optopad.sims.press import GridTop
 
 STEP_MM = 0.1
 """Longest step of a sideways motion; a point meets the objects' surface as it is at the end of a step."""
-ROUNDS, ROUND_ERROR = 12, 1e-3
-"""Most rounds of pressure and sideways load, and accepted change of the pressures in a round, over their sum [-]."""
+ROUNDS, ROUND_ERROR, EASED = 30, 1e-3, 2.0
+"""Most rounds of pressure and sideways load, and accepted change of the pressures in a round, over their sum,
+and factor of the part of a round that is taken, which falls with its number: points at the edge may change sides."""
 SIDEWAYS_ERROR = 1e-3
 """Accepted sideways error of the top where it sticks, over the step [-]."""
 MOST_STEPS = 2000
@@ -213,7 +214,7 @@ class Slide:
         still, first = np.zeros_like(load), self.pressed[window]
         u = moved[cut].copy()
         limit = np.zeros_like(first)
-        for _ in range(ROUNDS):
+        for turn in range(ROUNDS):
             overlap = pad.slope[window] * self.overlap(to, u, window)
             still[:2], still[2] = load[:2], 0.0
             risen = whole(still)[2]
@@ -231,7 +232,7 @@ class Slide:
             limit = self.friction * self.softness * pressure
             load[:2] = _sideways_load(whole, load[:2], wanted, limit, SIDEWAYS_ERROR * float(np.hypot(*step)))
             still[:2], still[2] = load[:2], 0.0
-            u = 0.5 * (u + whole(still)[:2] + drawn)
+            u += min(0.5, EASED / (turn + 1)) * (whole(still)[:2] + drawn - u)
             if change <= ROUND_ERROR:
                 break
         else:
