@@ -140,7 +140,7 @@ def test_a_pull_is_reached_or_refused() -> None:
 
 def test_what_cannot_be_moved_is_refused() -> None:
     for friction in (-0.1, 3.1, math.nan):
-        with pytest.raises(InputError, match="friction: .* is refused: give 0 to 3"):
+        with pytest.raises(InputError, match=r"friction: .* is refused: give 0 to 3"):
             moved((0.1, 0.0), friction=friction)
     with pytest.raises(InputError, match="do not touch the pad, so nothing holds them"):
         slid(PAD, AT, ball(), depth_mm=0.0, friction=0.5, path_mm=np.array([[0.1, 0.0]]))
