@@ -5,7 +5,7 @@ r"""The objects that a gripper may press into a pad: kinds, sizes, pose and fini
     mesh,file=part.stl,units=mm                 a mesh states its units, since the file does not
 
 In a TOML file, each table `[object]` or `[[object]]` has the same keys, and `kind` for the kind. Lengths are in mm and
-angles in degrees. A number may have another unit: `radius=0.5cm`, `yaw=0.5rad`.
+angles in degrees; friction has no unit. A number may have another unit: `radius=0.5cm`, `yaw=0.5rad`.
 
 The coordinates have their origin at the object's centre and the z axis out of the pad, so the lowest point touches
 first. The pose turns the object about these fixed axes: roll about x, then pitch about y, then yaw about z, all
@@ -67,6 +67,8 @@ MM_PER = {"mm": 1.0, "um": 1e-3, "cm": MM_PER_CM, "m": 1000.0, "in": 25.4, "inch
 """Units of lengths [mm]."""
 DEG_PER = {"deg": 1.0, "°": 1.0, "rad": 180.0 / math.pi}
 """Units of angles [deg]."""
+UNITS = dict.fromkeys(("yaw", "pitch", "roll"), DEG_PER) | {"friction": {"": 1.0}}
+"""Units by key; all other numbers are lengths."""
 MOST_FACETS = 2_000_000
 MOST_MESH_BYTES = 500_000_000
 """Largest file of a mesh [bytes]: a text STL of `MOST_FACETS`."""
@@ -445,14 +447,18 @@ _NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\W\d_]+|
 
 def _number(key: str, value: Any) -> tuple[str | None, float]:
     """What is wrong with the number of a key, if anything, and the number in mm or degrees."""
-    units = DEG_PER if key in ("yaw", "pitch", "roll") else MM_PER
+    units = UNITS.get(key, MM_PER)
     usual = next(iter(units))
     text = "" if isinstance(value, bool) else str(value)
     found = _NUMBER.fullmatch(text.strip())
     number = float(found[1]) * units.get(found[2] or usual, math.nan) if found else math.nan
     if math.isfinite(number):
         return None, number
-    wanted = f"a number in {usual}, as {key}=5, or with a unit: {', '.join(units)}"
+    wanted = (
+        f"a number in {usual}, as {key}=5, or with a unit: {', '.join(units)}"
+        if usual
+        else "a number without unit"
+    )
     return f"{key}={value} is refused: must be {wanted}", number
 
 
@@ -465,8 +471,9 @@ def _fault(err: ValidationError) -> str:
     if kind == "missing":
         return f"{key} is missing; write mesh,file=part.stl,units=mm"
     if kind in BOUNDS:
-        unit = "deg" if key in ("yaw", "pitch", "roll") else "mm"
-        return f"{key}={value:g} is refused: must be {BOUNDS[kind]} {next(iter(detail['ctx'].values())):g} {unit}"
+        unit = next(iter(UNITS.get(key, MM_PER)))
+        bound = f"{BOUNDS[kind]} {next(iter(detail['ctx'].values())):g} {unit}".strip()
+        return f"{key}={value:g} is refused: must be {bound}"
     if kind == "literal_error":
         near = nearest(str(value), tuple(re.findall(r"'(\w+)'", detail["ctx"]["expected"])))
         hint = f"; did you mean {near[0]}?" if near else ""

@@ -68,6 +68,11 @@ class AskedPress:
     pull_n: Place | None = None
 
     @property
+    def is_sideways(self) -> bool:
+        """Whether the objects move sideways after the press."""
+        return self.shear_mm is not None or self.pull_n is not None
+
+    @property
     def friction(self) -> float:
         """Coulomb's coefficient of the objects against the pad [-]; that of dry silicone if none has one.
 
@@ -169,6 +174,20 @@ def require_asked(draft: Draft, asked: AskedPress) -> None:
                 f"objects: ({x:g}, {y:g}) mm, the centre of {one.words}, is outside the workspace, {space.words}; "
                 "press inside, or lower operating.workspace_margin_mm"
             )
+        if asked.shear_mm is not None:
+            require_way(draft, (x, y), np.array([asked.shear_mm]))
+
+
+def require_way(draft: Draft, from_mm: Place, path_mm: FloatArray) -> None:
+    """Refuse a path (n, 2) from a place that leads out of the workspace."""
+    space = draft.workspace
+    for dx, dy in np.asarray(path_mm).tolist():
+        x, y = from_mm[0] + dx, from_mm[1] + dy
+        if not space.contains(x, y):
+            raise ModelScopeError(
+                f"shear: {dx:g}, {dy:g} mm from ({from_mm[0]:g}, {from_mm[1]:g}) mm leads to ({x:g}, {y:g}) mm, "
+                f"outside the workspace, {space.words}; move the objects less far"
+            )
 
 
 def pressed(draft: Draft, asked: AskedPress) -> HeldPress:
@@ -187,6 +206,8 @@ def slid_presses(draft: Draft, asked: AskedPress, path_mm: FloatArray) -> list[H
     With a force, the depth is that which gives the force at the end of the path.
     """
     bottoms = _Bottoms(draft, asked)
+    for one in asked.held:
+        require_way(draft, _place(one, asked), path_mm)
     path = np.array([bottoms.in_frame((x, y)) for x, y in np.asarray(path_mm).tolist()])
     found: list[HeldPress] = []
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from optopad.design.arrays import FloatArray
 from optopad.design.draft import Draft
+from optopad.design.fields.packaged import data_quantities
 from optopad.design.fields.quantity import Quantity
 from optopad.design.shape.cavity import pair_name
 from optopad.screen.answer import Result, labelled
@@ -55,6 +56,21 @@ class HeldView(Result):
         ]
         return f"{'; '.join(each)}; the deepest {self.press.depth_mm:.3g} mm"
 
+    @property
+    def _sideways(self) -> str:
+        """How far and with which force the objects moved sideways, and what the contact does."""
+        press = self.press
+        x, y = (round(one, 3) + 0.0 for one in press.shear_mm)
+        pull, slips = float(np.hypot(*press.pull_n)), press.slip_share
+        does = "all of the contact slips" if slips > 0.995 else f"{slips:.0%} of the contact slips"
+        known = any(one.friction is not None for one in self.asked.held)
+        band = data_quantities("friction.toml")["dry"]
+        friction = "" if known else f", assumed for dry silicone ({band.low:g} to {band.high:g})"
+        return (
+            f"{x:.3g}, {y:.3g} mm by {pull:.3g} N; {does}; it holds {self.asked.friction * press.force_n:.3g} N at "
+            f"most, by a friction of {self.asked.friction:g}{friction}"
+        )
+
     @cached_property
     def changes(self) -> FloatArray:
         """(emitter, receiver) change of each reading [noise units]."""
@@ -88,6 +104,7 @@ class HeldView(Result):
                 f"{press.area_mm2:.3g} mm2; largest pressure {press.pressure_mpa.max():.2g} MPa; the top rises by up "
                 f"to {highest:.0f} um next to it",
             ),
+            *([labelled("sideways", self._sideways)] if self.asked.is_sideways else []),
             labelled(
                 "signals",
                 f"{int(changed.sum())} of {changed.size} pairs change by {DEADBAND_THRESHOLD:g} sigma or more; all "
@@ -124,6 +141,10 @@ class HeldView(Result):
             "force_n": press.force_n,
             "force_band_n": None if low == high else [low * press.force_n, high * press.force_n],
             "area_mm2": press.area_mm2,
+            "shear_mm": list(press.shear_mm),
+            "pull_n": list(press.pull_n),
+            "slip_share": press.slip_share,
+            "friction": self.asked.friction,
             "largest_pressure_mpa": float(press.pressure_mpa.max()),
             "largest_rise_mm": float(press.top.height_mm.max()),
             "emitters": [part.name for part in cavity.emitters],

@@ -36,6 +36,8 @@ def press(
     at: tuple[float, float] | None = None,
     depth: float | None = None,
     force: float | None = None,
+    shear: tuple[float, float] | None = None,
+    pull: tuple[float, float] | None = None,
     seed: int = 0,
     on_step: OnStep | None = None,
 ) -> HeldView:
@@ -47,6 +49,8 @@ def press(
     at : x, y of the press in the cavity [mm]; the middle if left out
     depth : depth from first touch [mm]; 1 if neither it nor a force is given
     force : force in place of a depth [N]
+    shear : how far the objects then move sideways, along x and y [mm]
+    pull : sideways force along x and y in place of that [N]
 
     Raises
     ------
@@ -54,7 +58,7 @@ def press(
     """
     require_valid(design)
     draft, tell = Draft.of(design), on_step or (lambda _stage, _share: None)
-    asked = asked_press(draft, objects, at, depth, force)
+    asked = replace(asked_press(draft, objects, at, depth, force), shear_mm=shear, pull_n=pull)
     tell("objects", 0.0)
     found = pressed(draft, asked)
     tell("objects", 1.0)
@@ -74,6 +78,8 @@ def press(
     at=typed("X,Y"),
     depth=typed("MM"),
     force=typed("N"),
+    shear=typed("X,Y"),
+    pull=typed("X,Y"),
     presses=typed("FILE", flag="--list"),
     out=typed("FOLDER", type=Path, callback=require_folder),
     set_before="out",
@@ -85,6 +91,8 @@ def press_command(
     at: str | None = None,
     depth: float | None = None,
     force: str | None = None,
+    shear: str | None = None,
+    pull: str | None = None,
     presses: Path | None = None,
     out: Path | None = None,
     seed: int = 0,
@@ -99,16 +107,28 @@ def press_command(
     at : Where, in the cavity [mm]. Default: the middle.
     depth : Depth from first touch [mm]. Default: 1, or --force.
     force : Force in place of a depth, as 2N.
+    shear : How far the objects then move sideways, along x and y [mm]: they stick, slip partly or slide.
+    pull : Sideways force along x and y in place of --shear [N].
     presses : Make a data set of many presses, a row each: x_mm, y_mm, depth_mm or force_n; also object and its keys.
     out : Also write the picture, as SVG and PNG, into the bundle in this folder.
     """
     if presses is not None:
-        for name, given in (("--at", at), ("--depth", depth), ("--force", force)):
+        given_too = {"--at": at, "--depth": depth, "--force": force, "--shear": shear, "--pull": pull}
+        for name, given in given_too.items():
             if given is not None:
                 raise InputError(f"{name}: does not go with --list, which has presses of its own; drop one")
         return _data_set(design, presses, object, Path(OUT) if out is None else out, seed, on_step)
-    place, force_n = None if at is None else _place(at), None if force is None else _newtons(force)
-    view = press(design, *object, at=place, depth=depth, force=force_n, seed=seed, on_step=on_step)
+    view = press(
+        design,
+        *object,
+        at=_two("--at", at, "millimetres", "mm", "16,16"),
+        depth=depth,
+        force=None if force is None else _newtons(force),
+        shear=_two("--shear", shear, "millimetres", "mm", "0.3,0"),
+        pull=_two("--pull", pull, "newtons", "N", "0.5,0"),
+        seed=seed,
+        on_step=on_step,
+    )
     if out is None:
         return view
     with bundle(design, out, seed=seed) as folder, plain_style():
@@ -185,14 +205,17 @@ def _middle(draft: Draft, held: Sequence[HeldObject]) -> tuple[float, float]:
     return middle[0] if first.x is None else first.x, middle[1] if first.y is None else first.y
 
 
-def _place(text: str) -> tuple[float, float]:
-    parts = [part.strip().removesuffix("mm") for part in text.split(",")]
+def _two(name: str, text: str | None, unit: str, sign: str, example: str) -> tuple[float, float] | None:
+    """Two numbers from the text of an option."""
+    if text is None:
+        return None
+    parts = [part.strip().removesuffix(sign) for part in text.split(",")]
     try:
         x, y = (float(part) for part in parts)
     except ValueError:
-        raise InputError(f"--at: {shown(text)} is refused: write X,Y in millimetres, as 16,16") from None
+        raise InputError(f"{name}: {shown(text)} is refused: write X,Y in {unit}, as {example}") from None
     if not np.isfinite([x, y]).all():
-        raise InputError(f"--at: {shown(text)} is refused: needs two finite numbers of millimetres")
+        raise InputError(f"{name}: {shown(text)} is refused: needs two finite numbers of {unit}")
     return x, y
 
 

@@ -184,18 +184,13 @@ class PadLayer:
     ----------
     thickness : thickness of the wide layer, the elastic thickness at the pad's highest point [mm]
     knots : for x and y, knots of the cubic B-splines [mm]
-    parts : (3, 3, spline, spline) the matrices C of each component's motion by each component's load, or (1, 1, spline,
-        spline) that of downward motion by pressure alone; the index of y runs fastest
+    coefficients : (spline, spline) the matrix C of downward motion by pressure, or (3 spline, 3 spline) that of all
+        components' motion by all components' loads; the index of y runs fastest, that of the component slowest
     """
 
     thickness: float
     knots: tuple[FloatArray, FloatArray]
-    parts: FloatArray
-
-    @property
-    def coefficients(self) -> FloatArray:
-        """The matrix C (spline, spline) of downward motion by pressure."""
-        return np.asarray(self.parts[-1, -1])
+    coefficients: FloatArray
 
     def at(self, x_mm: FloatArray, y_mm: FloatArray) -> csr_matrix:
         """Values (n, spline) of the splines at places (n,) in the plan, in cavity coordinates [mm]."""
@@ -246,7 +241,7 @@ def _found(kind: Kind, box_mm: Box, top: Top, thickness: float, components: tupl
     store, size = light_store(), (len(x) - 4) * (len(y) - 4)
     kept = store.read([name]).get(name) if store else None
     if kept is not None:
-        return PadLayer(thickness, (x, y), np.frombuffer(kept).reshape(*2 * [len(components)], size, size))
+        return PadLayer(thickness, (x, y), np.frombuffer(kept).reshape(2 * [len(components) * size]))
     found = _coefficients(outline, top, thickness, (x, y), elements, components)
     if store:
         store.write({name: found.tobytes()})
@@ -261,14 +256,15 @@ def _coefficients(
     elements: list[int],
     components: tuple[int, ...],
 ) -> FloatArray:
-    """The matrices C (component, component, spline, spline)."""
+    """The matrix C of `PadLayer`."""
     wide, mass = _wide_part(outline, top, thickness, knots, components)
     pad = _Quarter(outline, top, thickness, elements).answer(knots, components)
     kept = np.ix_(*2 * [np.flatnonzero(np.diag(mass) > LEAST_MASS * np.diag(mass).max())])
     inverse = np.zeros_like(mass)
     inverse[kept] = pinvh(mass[kept])
     found = inverse @ (pad - wide) @ inverse
-    return np.asarray(0.5 * (found + found.transpose(1, 0, 3, 2)))
+    found = found.transpose(0, 2, 1, 3).reshape(2 * [len(components) * len(mass)])
+    return np.asarray(0.5 * (found + found.T))
 
 
 def _wide_part(

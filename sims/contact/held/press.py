@@ -148,9 +148,10 @@ class Pad:
         self._plan, self._black_mm, self.at_mm = plan, cavity.black_thickness_mm, at_mm
         self._in_cavity, self._nodes = (x, y), places
 
-    def sag_at(self, moved: FloatArray) -> FloatArray:
-        """Sag (nx, ny) of the untouched top where points of it moved along the frame's x and y (2, nx, ny) [mm]."""
-        return np.nan_to_num(self._plan.top.in_frame.sag_mm(*(self._nodes + moved)))
+    def sag_at(self, moved: FloatArray, part: Window) -> FloatArray:
+        """Sag (nx, ny) of a part of the untouched top where its points moved sideways (2, nx, ny) [mm]."""
+        x, y = self._nodes[:, *part] + moved
+        return np.nan_to_num(self._plan.top.in_frame.sag_mm(x, y))
 
     @cached_property
     def layer(self) -> PadLayer:
@@ -203,7 +204,7 @@ class Pad:
         """
         steep = self.slope**0.25
         wide = steep * (self.wide.moved if load.ndim == 2 else self.wide.moved_by)(steep * load)
-        change = self._changed(self.splines, load[..., self.inside])
+        change = self._changed((self.splines.T @ load[..., self.inside].T).T)
         places, splines, faded = self._walls
         found = np.zeros_like(load)
         for k in np.ndindex(load.shape[:-2]):  # one empty index, or that of each component
@@ -211,13 +212,12 @@ class Pad:
             found[k][self.inside] = wide[k][self.inside] + self.splines @ change[k] - faded @ left
         return found
 
-    def _changed(self, splines: csr_matrix, load: FloatArray) -> FloatArray:
-        """Factors (..., spline) of the splines that change a wide layer's motion under loads (..., node)."""
-        if load.ndim == 1:
-            return np.asarray(self.layer.coefficients @ (splines.T @ load)) * self.step_mm**2
-        turn = self._turn
-        felt = turn @ np.stack([splines.T @ one for one in load])
-        return np.asarray(turn.T @ np.einsum("ijab,jb->ia", self.sideways.parts, felt)) * self.step_mm**2
+    def _changed(self, shares: FloatArray) -> FloatArray:
+        """Factors (..., spline) of the splines that change a wide layer's motion, from the loads on them."""
+        if shares.ndim == 1:
+            return np.asarray(self.layer.coefficients @ shares) * self.step_mm**2
+        found = self.sideways.coefficients @ (self._turn @ shares).ravel()
+        return np.asarray(self._turn.T @ found.reshape(shares.shape)) * self.step_mm**2
 
     @cached_property
     def sideways(self) -> PadLayer:
@@ -236,10 +236,11 @@ class Pad:
         inside, steep = self.inside[window], self.slope[window] ** 0.25
         number = np.cumsum(self.inside).reshape(self.inside.shape)[window][inside] - 1
         splines, wide = self.splines[number], self.wide.within((inside.shape[0], inside.shape[1]), sideways)
+        spread = splines.T.tocsr()
 
         def moved(load: FloatArray) -> FloatArray:
             found = steep * (wide.moved if load.ndim == 2 else wide.moved_by)(steep * load)
-            found[..., inside] += (splines @ self._changed(splines, load[..., inside]).T).T
+            found[..., inside] += (splines @ self._changed((spread @ load[..., inside].T).T).T).T
             return found
 
         return moved
