@@ -88,8 +88,9 @@ DEPTHS = (DEEP, 2.0 * DEEP)
 """Depths of the states [tip radii]."""
 SHALLOWER, SHALLOWEST = 0.8, 0.2
 """Factor by which depths are lowered if the models do not cover them, and the least of their product [-]."""
-PITCH_MM, WIDER, MOST_READINGS = 2.2, 1.1, 1050
-"""First distance of the locations [mm], the factor by which it grows, and the most pairs of all locations."""
+PITCH_MM, WIDER, MOST_READINGS, LEAST_STEPS = 2.2, 1.1, 1050, 2
+"""First distance of the locations [mm], the factor by which it grows, the most pairs of all locations, and the least
+number of steps from side to side."""
 WAYS = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
 """Directions of the pulls; opposite ones follow each other."""
 ACCURACY = "score"
@@ -214,18 +215,20 @@ def _places(draft: Draft, inset_mm: float, pitch_mm: float = PITCH_MM) -> _Place
     """Locations about a pitch apart along x and y, an inset within the workspace; fewer if they are too many."""
     inner = _inner(draft, inset_mm)
     x, y = (
-        np.linspace(low, high, max(round((high - low) / pitch_mm), 2) + 1)
+        np.linspace(low, high, max(round((high - low) / pitch_mm), LEAST_STEPS) + 1)
         for low, high in zip(inner.box_mm[:2], inner.box_mm[2:], strict=True)
     )
+    apart = 0.5 * min(x[1] - x[0], y[1] - y[0])
     found: list[Place] = []
-    for node in ((a, b) for a in x.tolist() for b in y.tolist()):
+    for node in product(x.tolist(), y.tolist()):
         at = node if inner.contains(*node) else inner.clamped(*node)
-        if all(np.hypot(at[0] - one[0], at[1] - one[1]) > 0.5 * pitch_mm for one in found):
+        if all(np.hypot(at[0] - one[0], at[1] - one[1]) > apart for one in found):
             found.append(at)
     places = _grouped(draft, np.array(found))
-    if len(places.computed_mm) * places.pairs.shape[1] > MOST_READINGS:
-        return _places(draft, inset_mm, WIDER * pitch_mm)
-    return places
+    is_least = len(x) == len(y) == LEAST_STEPS + 1
+    if is_least or len(places.computed_mm) * places.pairs.shape[1] <= MOST_READINGS:
+        return places
+    return _places(draft, inset_mm, WIDER * pitch_mm)
 
 
 def _inner(draft: Draft, inset_mm: float) -> Outline:

@@ -59,6 +59,8 @@ def test_locations_of_a_pad_without_symmetry_are_all_computed_and_inside():
     assert all(pad.workspace.contains(*at) for at in places.all_mm.tolist())
     away = np.linalg.norm(places.all_mm[:, None] - places.all_mm, axis=2) + 9.0 * np.eye(len(places.all_mm))
     assert away.min() > 1.0
+    few = _places(pad, 0.5, 50.0)
+    assert len(few.all_mm) == 9
 
 
 def test_the_image_of_a_press_is_the_press_at_the_image():
