@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from optopad.design.arrays import IntArray
+from optopad.design.arrays import FloatArray, IntArray
 from optopad.design.errors import InputError
 
 OFF = "off"
@@ -131,6 +131,20 @@ def with_one_dark(
     dark = read[..., nearest_dark_states(states), :].mean(axis=-2)
     moved = np.where(lit >= full_scale, full_scale, np.minimum(lit - dark + common, full_scale))
     return np.concatenate([moved, common], axis=-2)
+
+
+def kept_share(since_s: FloatArray, *, residue: float, decay_s: float) -> FloatArray:
+    """Share of a press's signal change that the pad keeps at times since its release [-].
+
+    It is `residue` at the release, half of that after `decay_s`, and then falls with 1 / time
+    (`optopad.sims.readings.signal_chain` has its source and limits).
+
+    Parameters
+    ----------
+    since_s : (...) times since the release, 0 or more [s]
+    residue, decay_s : `noise.release_residue` [-] and `noise.release_decay_s` [s] of the design
+    """
+    return np.asarray(residue / (1.0 + since_s / decay_s))
 
 
 def signals_of(counts: NDArray[Number]) -> NDArray[Number]:

@@ -34,6 +34,7 @@ from optopad.fabrication.driver_file import (
     ExpectedPattern,
     FrameLayout,
     GainNote,
+    MemoryNote,
     ReceiverEntry,
     StateEntry,
     SurfaceEntry,
@@ -58,6 +59,7 @@ TABLE_COMMENTS = {
     "workspace": "press centres that the verdict covers, seen from above; outline disc: within the four sides",
     "surface": "the untouched top, by its highest point; a press moves against its normal",
     "ambient": "subtract_state: dark state to subtract from all others; absent: subtract the mean of both neighbours",
+    "memory": "share of a press's signal change that is left after its release, and time until half of that is left",
     "gain": "counts if one receiver received an emitter's total power (median; each); absent if not simulated",
     "states": "in order: the emitter that is lit alone; empty: all off",
     "emitters": "active_mm: emitting area along the wall and upward; normal points into the cavity",
@@ -102,6 +104,7 @@ def driver_config(
         workspace=_workspace(design),
         surface=_surface(design),
         ambient=AmbientRule(subtract_state=len(lit) if design.board.dark == "frame" else None),
+        memory=_memory(design),
         gain=_gain(circuit, counts_per_flux),
         states=tuple(
             StateEntry(number=k, emitter="" if one is None else lit[one]) for k, one in enumerate(states)
@@ -272,6 +275,13 @@ def _place(one: Connection) -> dict[str, Any]:
         "part": one.part.part_id,
         "active_mm": (part.active_width_mm.value, part.active_height_mm.value),
     }
+
+
+def _memory(design: SensorDesign) -> MemoryNote | None:
+    noise = design.noise
+    if noise.release_residue == 0.0:
+        return None
+    return MemoryNote(residue=noise.release_residue, decay_s=noise.release_decay_s)
 
 
 def _expected(untouched_counts: FloatArray | None) -> ExpectedPattern | None:

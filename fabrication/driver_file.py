@@ -371,6 +371,20 @@ class ExpectedPattern:
 
 
 @dataclass(frozen=True, kw_only=True)
+class MemoryNote:
+    """What the pad keeps of a press after its release, as the simulation assumes it.
+
+    Attributes
+    ----------
+    residue : share of the press's signal change that is left right after its release [-]
+    decay_s : time until half of that is left [s]
+    """
+
+    residue: float
+    decay_s: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class DriverConfig:
     """Everything that a program needs to read a manufactured unit of one design."""
 
@@ -386,6 +400,7 @@ class DriverConfig:
     workspace: WorkspaceLimits
     surface: SurfaceEntry | None = None
     ambient: AmbientRule
+    memory: MemoryNote | None = None
     gain: GainNote
     states: tuple[StateEntry, ...]
     emitters: tuple[EmitterEntry, ...]

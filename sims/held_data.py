@@ -6,6 +6,7 @@ A heading, then one press by one object in each row:
 
     x_mm, y_mm             place of the object's centre in the cavity [mm]
     depth_mm or force_n    how far it moves from first touch [mm], or the force that presses it [N]
+    shear_x_mm, shear_y_mm how far it then moves sideways, 0 if left out [mm]
     object                 kind, with keys if need be: cylinder, or cylinder;radius=5. Semicolons stand for the commas
                            of `--object`, which would end a cell. An empty cell means the object given for all
     radius, yaw, ...       any key of the objects; lengths may end in _mm and angles in _deg. An empty cell keeps the
@@ -17,7 +18,8 @@ The data
 Each press has `APPROACH_MM` frames above the pad, then `TOUCHED` frames at its depth. All presses are taken twice, in
 ambient light and in the dark, so that learners see how gains drift between sets. Noise, drift and errors of the stage
 are those of `optopad.sims.readings.signal_chain`. Light is traced at the listed press. So the errors of the stage are
-subtracted from the reported place and depth, and the spread is the same.
+subtracted from the reported place and depth, and the spread is the same. An object is lifted when the time of its press
+is over. With `noise.release_residue`, the next press of the set still has its remainder.
 """
 
 from __future__ import annotations
@@ -34,7 +36,7 @@ from optopad.design.csv_table import CsvTable, read_csv
 from optopad.design.draft import Draft
 from optopad.design.errors import InputError, ModelScopeError, shown
 from optopad.design.fields.base import nearest
-from optopad.design.held_object import KINDS, HeldObject, held_of, held_with
+from optopad.design.held_object import KINDS, MM_PER, UNITS, HeldObject, held_of, held_with
 from optopad.design.press_protocol import MOST_PLACES
 from optopad.design.progress import OnStep
 from optopad.design.recordings import ROLES, SetEntry
@@ -45,7 +47,13 @@ from optopad.sims.readings.data_writer import ByPress, DataWriter
 from optopad.sims.readings.dataset import clipped_note, read_data
 from optopad.sims.readings.press_data import PressData
 from optopad.sims.readings.protocol import FRAME, PRESS, SET, header_for, untouched_readout
-from optopad.sims.readings.signal_chain import SignalChain, chain_of, drawn_press, drawn_set_offset_mm
+from optopad.sims.readings.signal_chain import (
+    Remainder,
+    SignalChain,
+    chain_of,
+    drawn_press,
+    drawn_set_offset_mm,
+)
 from optopad.sims.verdict.presses import untouched_flux
 
 APPROACH_MM = (-1.0, -0.8, -0.6, -0.4)
@@ -56,7 +64,7 @@ PRESS_S = 5.0
 """Time from one press to the next [s], for the drift within a set; as on a stage."""
 WINDOW = 16
 """Presses whose deformed tops are held in memory at a time; a top has 0.3 to 1 MB."""
-NEEDED = "the columns x_mm, y_mm, and depth_mm or force_n; object, its keys and role are optional"
+NEEDED = "the columns x_mm, y_mm, and depth_mm or force_n; shear_x_mm, shear_y_mm, object, its keys and role are optional"
 GIVEN_BY_LIST = ("x", "y", "depth")
 """Keys of an object that a list has columns for."""
 MOST_NOTES = 3
@@ -69,13 +77,14 @@ def _key_columns() -> dict[str, str]:
         for key, field in kind.model_fields.items():
             if key != "kind" and key not in GIVEN_BY_LIST:
                 is_number = float in (field.annotation, *get_args(field.annotation))
-                unit = "deg" if key in ("yaw", "pitch", "roll") else "mm"
-                found |= {key: key} | ({f"{key}_{unit}": key} if is_number else {})
+                unit = next(iter(UNITS.get(key, MM_PER)))
+                found |= {key: key} | ({f"{key}_{unit}": key} if is_number and unit else {})
     return found
 
 
 KEY_COLUMNS = _key_columns()
-PRESS_COLUMNS = ("x_mm", "y_mm", "depth_mm", "force_n", "object", "role")
+SHEAR_COLUMNS = ("shear_x_mm", "shear_y_mm")
+PRESS_COLUMNS = ("x_mm", "y_mm", "depth_mm", "force_n", *SHEAR_COLUMNS, "object", "role")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,6 +121,9 @@ def read_presses(file: Path, default: HeldObject | None = None) -> tuple[ListedP
     is_force = "force_n" in table.heading
     amount = _amounts(table, "force_n" if is_force else "depth_mm")
     places = list(zip(table.numbers("x_mm"), table.numbers("y_mm"), strict=True))
+    none = [0.0] * len(table.rows)
+    along = [table.numbers(name) if name in table.heading else none for name in SHEAR_COLUMNS]
+    shears = list(zip(*along, strict=True))
     known: dict[str, HeldObject] = {}
     found = []
     for row, record in enumerate(table.records()):
@@ -132,6 +144,7 @@ def read_presses(file: Path, default: HeldObject | None = None) -> tuple[ListedP
             at_mm=places[row],
             depth_mm=None if is_force else amount[row],
             force_n=amount[row] if is_force else None,
+            shear_mm=shears[row] if any(shears[row]) else None,
         )
         found.append(ListedPress(where=where, asked=asked, role=role))
     return tuple(found)
@@ -312,18 +325,25 @@ def _drawn(
 ) -> Iterator[PressData]:
     """Samples of each press in each set of its role, but for those (set, press) in `but`."""
     of_sets = [_DrawnList(chain, header, number, seed) for number in range(len(header.sets))]
-    wanted = [
-        (k, [s for s, one in enumerate(header.sets) if one.role == press.role and (s, k) not in but])
-        for k, press in enumerate(presses)
-    ]
-    wanted = [(k, sets) for k, sets in wanted if sets]
+    has_memory = chain.noise.release_residue > 0.0
+    last: dict[str, Remainder] = {}
+    wanted: list[tuple[int, list[int]]] = []
+    for k, press in reversed(list(enumerate(presses))):
+        sets = [s for s, one in enumerate(header.sets) if one.role == press.role and (s, k) not in but]
+        follower = next((drawn for j, drawn in reversed(wanted) if presses[j].role == press.role), [])
+        if sets or (has_memory and follower):
+            wanted.append((k, sets))
+    wanted.reverse()
     for start in range(0, len(wanted), WINDOW):
         window = wanted[start : start + WINDOW]
         asked = [presses[k].asked for k, _ in window]
         untouched, flux, depths = _light(draft, asked)
         for (k, sets), one, touched, depth in zip(window, asked, flux, depths, strict=True):
+            role = presses[k].role
             for s in sets:
-                yield of_sets[s].press(k, one.at_mm, depth, untouched, touched)
+                yield of_sets[s].press(k, one.at_mm, depth, untouched, touched, last.get(role))
+            if has_memory:
+                last[role] = Remainder(change=touched - untouched, released_s=PRESS_S * (k + 1))
         on_step("light", (start + len(window)) / len(wanted))
 
 
@@ -355,13 +375,19 @@ class _DrawnList:
         depth_mm: float,
         untouched: FloatArray,
         touched: FloatArray,
+        last: Remainder | None,
     ) -> PressData:
-        """Samples of the k-th press of the list, from the flux (emitter, receiver) without and with contact."""
+        """Samples of the k-th press of the list, from the flux (emitter, receiver) without and with contact.
+
+        `last` is what the press before it in the set has left; None if nothing.
+        """
         errors = drawn_press(self.chain.noise, self.offset_mm, self._rng(PRESS, k))
         frames = len(APPROACH_MM) + TOUCHED
         true = np.array([(*at_mm, depth) for depth in (*APPROACH_MM, *[depth_mm] * TOUCHED)])
         time_s = PRESS_S * (k + np.arange(1, frames + 1) / (frames + 1))
         flux = np.stack([untouched] * len(APPROACH_MM) + [touched] * TOUCHED)
+        if last is not None:
+            flux = last.added(flux, time_s, self.chain.noise)
         return replace(
             self.header,
             counts=self.chain.counts(flux, time_s, self._rng(FRAME, k), drawn=self.drawn),

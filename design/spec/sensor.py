@@ -67,6 +67,8 @@ CHAIN = (
     "position_error_mm",
     "wall_unbonded_share",
     "wall_heal_s",
+    "release_residue",
+    "release_decay_s",
 )
 """Names of the noise parameters that only the signal chain uses."""
 
@@ -84,6 +86,7 @@ PURE: dict[str, Any] = {
     "retract_lag_mm": 0.0,
     "position_error_mm": 0.0,
     "wall_unbonded_share": 0.0,
+    "release_residue": 0.0,
 }
 """Values of the noise parameters that switch all deviations off, so only gain, light and full scale remain."""
 
@@ -195,6 +198,21 @@ class Noise(Model):
         float,
         Field(gt=0.0, le=1e6, description="time constant of the wall's rebonding; the paper: 5 to 10 s"),
     ] = 7.5
+    release_residue: Annotated[
+        Share,
+        Field(
+            description="share of the last press's signal change that remains right after its release; 0, because no "
+            "source measured a clear silicone; 0.04 in another one"
+        ),
+    ] = 0.0
+    release_decay_s: Annotated[
+        float,
+        Field(
+            gt=0.0,
+            le=1e6,
+            description="time from a release until half of its residue is left; 0.7 to 1.4 in another silicone",
+        ),
+    ] = 1.0
 
 
 SCHEMA_VERSION = 1

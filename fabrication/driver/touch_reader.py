@@ -93,7 +93,9 @@ class Touch:
         if self.drift.is_gain_like:
             return "a change of gain, no touch"
         if self.drift.held_without_touch_s > ODD_S:
-            return "not as untouched, but no touch for the model: lighter than in its training, or dirt"
+            return (
+                "not as untouched, but no touch for the model: lighter than trained, dirt, or left of a press"
+            )
         return ""
 
 

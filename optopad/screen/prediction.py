@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from optopad.design.spec import SensorDesign
 from optopad.screen.answer import block, number, picture, table
+from optopad.sims.learning.after_release import FoundAgain
 from optopad.sims.learning.inference.signal_map import KIND as SIGNAL_MAP
 from optopad.sims.learning.tables import (
     ErrorRow,
@@ -73,6 +74,7 @@ class PredictedAccuracy:
     bound_mm : Cramér-Rao bounds by depth: standard deviations of location and of depth [mm]. Infinite if the numerical
         error of the light model leaves a bound undecided; empty if no bounds were computed
     published : published figures of the same sensor; None for other sensors
+    found_again : for a pad with a memory, when each model finds a touch again after a release
     notes : sentences about the method and its assumptions
     settings : plain data: seeds, protocol, samples
     """
@@ -82,6 +84,7 @@ class PredictedAccuracy:
     found: tuple[ModelAccuracy, ...]
     bound_mm: Mapping[float, tuple[float, float]] = field(default_factory=dict)
     published: PublishedTouch | None = None
+    found_again: tuple[FoundAgain, ...] = ()
     notes: tuple[str, ...] = ()
     settings: Mapping[str, Any] = field(default_factory=dict)
 
@@ -166,6 +169,7 @@ class PredictedAccuracy:
                 for one in self.found
             ],
             "published_touch": None if self.published is None else self.published.source,
+            **({"found_again": [asdict(one) for one in self.found_again]} if self.found_again else {}),
             "notes": list(self.notes),
         }
 

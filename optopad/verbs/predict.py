@@ -25,6 +25,7 @@ from optopad.design.shape.cavity import workspace_of
 from optopad.design.spec import SensorDesign
 from optopad.fabrication.bundle import bundle, bundle_name
 from optopad.screen.prediction import ModelAccuracy, PredictedAccuracy, Prediction, accuracy_of
+from optopad.sims.learning.after_release import FoundAgain, found_again
 from optopad.sims.learning.chain_bounds import bounds_by_depth
 from optopad.sims.learning.inference.model_file import save_model
 from optopad.sims.learning.inference.signal_map import KIND as SIGNAL_MAP
@@ -125,14 +126,16 @@ def predict(
         for name, (_, tables) in of_draw.items():
             for one in tables:
                 judged.setdefault((name, one.test_set), []).append(one)
+    again = _found_again(curves, models, seed, step)
     found = PredictedAccuracy(
         name=design.name,
         digest=design.digest,
         found=tuple(_pooled(parts) for parts in judged.values()),
         published=published_touch(design),
-        notes=(*_cut(wanted, how, design), *_notes(how, effort, draws, curves, seed)),
+        notes=(*map(str, again), *_cut(wanted, how, design), *_notes(how, effort, draws, curves, seed)),
         settings=_settings(how, effort, draws, seed, models),
         bound_mm={} if effort.is_coarse else bound_mm(design, curves, seed, step),
+        found_again=again,
     )
     with bundle(design, Path(out), seed=seed) as folder:
         write_accuracy(found, workspace_of(design), folder / "sims", "prediction")
@@ -210,6 +213,19 @@ def _draw_judged(
         )
         found[name] = (model, accuracies(model, test, workspace_of(curves.design), on_step=on_step))
     return found
+
+
+def _found_again(
+    curves: ProtocolCurves, models: Mapping[str, TouchModel], seed: int, on_step: OnStep
+) -> tuple[FoundAgain, ...]:
+    """When each model finds a touch again after a release; empty for a pad without memory."""
+    if curves.design.noise.release_residue == 0.0:
+        return ()
+    found: list[FoundAgain] = []
+    for name, model in models.items():
+        on_step("memory", len(found) / len(models))
+        found.append(found_again(curves, model, learner=name, seed=seed))
+    return tuple(found)
 
 
 def _pooled(parts: Sequence[ModelAccuracy]) -> ModelAccuracy:

@@ -29,6 +29,8 @@ from optopad.sims.optics.accuracy import Accuracy
 from optopad.sims.readings.press_data import PressCurves, PressData, knots_mm, traced_curves
 from optopad.sims.readings.readout import Readout, readout_of
 from optopad.sims.readings.signal_chain import (
+    PressDraw,
+    Remainder,
     SetDraw,
     SignalChain,
     blended,
@@ -229,13 +231,15 @@ class _DrawnSet:
     def press(self, k: int, header: PressData) -> PressData:
         """Samples of the k-th press of the set; `header` has the information that all presses share."""
         protocol, noise = self.curves.protocol, self.chain.noise
-        place = int(self.curves.place_of[self.number][self.order[k]])
-        errors = drawn_press(noise, self.offset_mm, self._rng(PRESS, k))
+        place = self._place(k)
+        errors, depth = self._true(k)
         reported = protocol.depth_mm
-        depth = true_depth_mm(reported, protocol.is_retracting, errors, noise.retract_lag_mm)
         rng = self._rng(FRAME, k)
         time_s = self._begins_s(k) + rng.uniform(0.0, self._frame_s, len(reported))
-        counts = self.chain.counts(self._flux(k, place, depth), time_s, rng, drawn=self.drawn)
+        flux = self._flux(k, place, depth)
+        if noise.release_residue > 0.0:
+            flux = self._with_memory(k, flux, depth, time_s)
+        counts = self.chain.counts(flux, time_s, rng, drawn=self.drawn)
         at = self.curves.curves.places_mm[place]
         return replace(
             header,
@@ -245,6 +249,34 @@ class _DrawnSet:
             set_number=np.full(len(reported), self.number, dtype=np.int64),
             place_number=np.full(len(reported), k, dtype=np.int64),
             true_press_mm=_presses(at, depth),
+        )
+
+    def _place(self, k: int) -> int:
+        return int(self.curves.place_of[self.number][self.order[k]])
+
+    def _true(self, k: int) -> tuple[PressDraw, FloatArray]:
+        """Errors of the stage in the k-th press, and its true depths (sample,) [mm]."""
+        protocol, noise = self.curves.protocol, self.chain.noise
+        errors = drawn_press(noise, self.offset_mm, self._rng(PRESS, k))
+        lag_mm = noise.retract_lag_mm
+        return errors, true_depth_mm(protocol.depth_mm, protocol.is_retracting, errors, lag_mm)
+
+    def _with_memory(self, k: int, flux: FloatArray, depth_mm: FloatArray, time_s: FloatArray) -> FloatArray:
+        """Flux with what the press before has left, and after the k-th press's own release with what that has left."""
+        found, own = flux.copy(), slice(_released(depth_mm), None)
+        if k > 0:
+            found[: own.start] = self._remainder(k - 1).added(
+                flux[: own.start], time_s[: own.start], self.chain.noise
+            )
+        found[own] = self._remainder(k).added(flux[own], time_s[own], self.chain.noise)
+        return found
+
+    def _remainder(self, k: int) -> Remainder:
+        _, depth = self._true(k)
+        deepest = self.curves.curves.at(np.array([self._place(k)]), depth.max(keepdims=True))[0]
+        return Remainder(
+            change=deepest - self.curves.curves.untouched,
+            released_s=float(self._begins_s(k)[0] + _released(depth) * self.curves.protocol.dwell_s),
         )
 
     @property
@@ -288,6 +320,11 @@ class _DrawnSet:
 
     def _rng(self, purpose: int, k: int = 0) -> np.random.Generator:
         return np.random.default_rng([self.seed, self.number, purpose, k])
+
+
+def _released(depth_mm: FloatArray) -> int:
+    """Number of the sample of a press at which the tip has left the pad; the count of samples if it has not."""
+    return int(np.flatnonzero(depth_mm > 0.0).max(initial=-1)) + 1
 
 
 def _presses(at_mm: FloatArray, depth_mm: FloatArray) -> FloatArray:

@@ -24,6 +24,7 @@ MADE_WHOLE = (
     "firmware",
     "learning",
     "link",
+    "memory",
     "search",
     "thickness",
     "touch",

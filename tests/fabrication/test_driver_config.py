@@ -22,6 +22,7 @@ from optopad.fabrication.driver_file import (
     CHECKSUM,
     DriverConfig,
     EmitterEntry,
+    MemoryNote,
     ReceiverEntry,
     config_from_document,
     content_sha256,
@@ -118,6 +119,12 @@ def test_the_file_says_what_the_configuration_says(name: str, tmp_path: Path) ->
     assert config == driver_config(design, 12345.678)
     assert (config.design, config.digest) == (design.name, design.digest)
     assert config.gain.counts_per_flux == 12345.678
+
+
+def test_a_memory_is_stated_if_the_design_has_one() -> None:
+    assert config_of(PAD).memory is None
+    keeps = PAD.with_(**{"noise.release_residue": 0.05, "noise.release_decay_s": 0.5})
+    assert config_of(keeps).memory == MemoryNote(residue=0.05, decay_s=0.5)
 
 
 def test_an_unknown_gain_is_left_out() -> None:

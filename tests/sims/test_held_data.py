@@ -14,9 +14,10 @@ from optopad.design.errors import InputError, ModelScopeError
 from optopad.design.held_object import held_of
 from optopad.design.preset import preset
 from optopad.design.progress import silent
+from optopad.design.recordings import kept_share
 from optopad.screen.training import data_lines
 from optopad.sims.held import all_pressed, held_light
-from optopad.sims.held_data import APPROACH_MM, TOUCHED, ListedPress, held_data, read_presses
+from optopad.sims.held_data import APPROACH_MM, PRESS_S, TOUCHED, ListedPress, held_data, read_presses
 from optopad.sims.readings.dataset import read_data
 from optopad.sims.readings.signal_chain import without_noise
 from tests.said import pattern, says
@@ -123,6 +124,17 @@ def test_the_data_set_of_a_list(tmp_path: Path) -> None:
         "cylinder,radius=3,length=6,yaw=30,pitch=0,roll=0"
     )
     np.testing.assert_allclose(kept["force_n"], [one.force_n for one in tops])
+    keeps = design.with_(**{"noise.release_residue": 0.1, "noise.release_decay_s": PRESS_S})
+    held_data(keeps, presses, tmp_path / "memory.nc", on_step=silent)
+    after = read_data(tmp_path / "memory.nc", keeps)
+    first, second, third = (
+        after.only((after.set_number == 0) & (after.place_number == k)) for k in (0, 1, 2)
+    )
+    assert len(second) == 0  # of the other role
+    whole = first.signals()[-1] - first.signals()[0]
+    since_s = third.time_s[0] - PRESS_S
+    wanted = kept_share(since_s, residue=0.1, decay_s=PRESS_S) * whole
+    np.testing.assert_allclose(third.signals()[0] - first.signals()[0], wanted, atol=1e-3)
 
 
 @pytest.mark.slow

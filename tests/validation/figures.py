@@ -33,6 +33,7 @@ PARTS = (
     figures_of_uses.paper,
     figures_of_uses.presets,
     figures_of_uses.learning,
+    figures_of_uses.memory,
     figures_of_uses.driver,
 )
 

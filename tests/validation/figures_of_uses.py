@@ -136,6 +136,35 @@ def learning() -> Iterator[Figure]:
     yield made(page, "learning.memory", number(whole["memory GB"]), ".1f")
 
 
+def memory() -> Iterator[Figure]:
+    """What a pad keeps of a press."""
+    page = "docs/validation/memory.md"
+    (recorded,) = (row for row in table(page, "signal", "0.5 s") if row["signal"].startswith("recorded: all"))
+    for name, head in (("soon", "0.5 s"), ("late", "6 s")):
+        least, most = recorded[head].split(" to ")
+        yield made(page, f"memory.{name}.least", least)
+        yield made(page, f"memory.{name}.most", most)
+    yield made(page, "memory.misfit", table(page, "law", "misfit %: median")[0]["misfit %: median"])
+    loops = table(page, "taxel, depth", "signal: area of the loop %")
+    for name, head in (("force", "force: area of the loop %"), ("light", "signal: area of the loop %")):
+        yield made(page, f"memory.loop.{name}.least", min(column(loops, head)), ".1f")
+        yield made(page, f"memory.loop.{name}.most", max(column(loops, head)), ".1f")
+    touches = table(page, "pad", "learner", "found again after s")
+    for name, pad in (("gripper", "gripper-teensy"), ("pad", "piacenza2017-pad")):
+        times = column([row for row in touches if row["pad"] == pad], "found again after s")
+        yield made(page, f"memory.{name}.least", min(times), ".1f")
+        yield made(page, f"memory.{name}.most", max(times), ".1f")
+        follows = [row for row in table(page, "board", "residue") if row["board"].startswith(pad)]
+        with_memory = [row for row in follows if row["residue"] == "0.04"]
+        yield made(
+            page, f"memory.{name}.false", column(with_memory, "false touches end after ms")[0] / 1000, ".1f"
+        )
+        yield made(
+            page, f"memory.{name}.held", column(with_memory, "untouched signals are held for s")[0], ".1f"
+        )
+        yield made(page, f"memory.{name}.moved", column(with_memory, "they move by at most %")[0], ".2f")
+
+
 def driver() -> Iterator[Figure]:
     """Firmware and serial line."""
     page = "docs/validation/firmware.md"

@@ -5,6 +5,9 @@ frames at the requested interval, and replies between frames. A reading is the s
 ambient level and noise, rounded and limited as by the converter. The board takes bytes and times and returns bytes;
 `port.FakePort` connects it to a port.
 
+If the driver configuration has a memory, the last press stays in the signals at its place, as in
+`optopad.sims.readings.signal_chain`. The press is followed from one reading of the signals to the next.
+
 Settling of LED and amplifier, drift and baud rate are not simulated; the frame rate is limited only by the timing
 budget.
 
@@ -27,6 +30,7 @@ from numpy.typing import NDArray
 
 from optopad.design.arrays import BoolArray, FloatArray
 from optopad.design.errors import InputError
+from optopad.design.recordings import kept_share
 from optopad.fabrication.driver.link.protocol import (
     COMMAND_BYTES,
     COMMAND_MAGIC,
@@ -43,7 +47,7 @@ from optopad.fabrication.driver.link.protocol import (
 )
 from optopad.fabrication.driver.simulated.finger import NO_FINGER, Finger
 from optopad.fabrication.driver.simulated.press_table import PressTable
-from optopad.fabrication.driver_file import DriverConfig
+from optopad.fabrication.driver_file import DriverConfig, MemoryNote
 
 DIM_SHARE = 0.2
 KINDS = ("swap", "dead", "saturated", "dim")
@@ -134,6 +138,36 @@ def _swap(draft: _Draft, names: dict[str, list[str]], one: str, other: str) -> N
     table[a], table[b] = table[b], table[a]
 
 
+class PadMemory:
+    """What the last press on a simulated pad has left in its signals.
+
+    Parameters
+    ----------
+    note : residue and decay from the driver configuration
+    untouched : signals of the untouched pad, shape (emitters, receivers) [counts]
+    """
+
+    def __init__(self, note: MemoryNote, untouched: FloatArray) -> None:
+        self._note, self._untouched = note, untouched
+        self._left = np.zeros_like(untouched)
+        """Change of the last press at its deepest [counts]."""
+        self._released_s = 0.0
+        self._pressed: tuple[float, FloatArray] | None = None
+        """Deepest depth of the press so far [mm] and its change [counts]; None if the pad is untouched."""
+
+    def added(self, signals: FloatArray, depth_mm: float, now_s: float) -> FloatArray:
+        """Signals with what the last press has left, from those of the present depth alone; time never goes back."""
+        if depth_mm > 0.0:
+            if self._pressed is None or depth_mm > self._pressed[0]:
+                self._pressed = depth_mm, signals - self._untouched
+        elif self._pressed is not None:
+            self._left, self._released_s = self._pressed[1], now_s
+            self._pressed = None
+        since_s = np.array(now_s - self._released_s)
+        share = kept_share(since_s, residue=self._note.residue, decay_s=self._note.decay_s)
+        return np.asarray(np.maximum(signals + share * self._left, 0.0))
+
+
 AMBIENT_COUNTS = 2.0
 """Assumed ambient level in every simulated reading [counts]; the paper's untouched readings agree with it."""
 
@@ -183,6 +217,7 @@ class FakeBoard:
         self._reading_s = (config.timing.frame_ms - config.timing.link_ms) / 1e3
         self._table = table
         self._path = path
+        self._memory = None if config.memory is None else PadMemory(config.memory, table.untouched)
         self._faults = faults or faults_of(config)
         self._rng = np.random.default_rng(seed)
         self._digest = digest or config.digest
@@ -244,7 +279,11 @@ class FakeBoard:
 
     def counts(self, now_s: float) -> NDArray[np.uint16]:
         """Readings at time `now_s` [s] in all states that the board sends, shape (states, receivers) [counts]."""
-        signals = self._faults.applied(self._table.at(self.press_mm(now_s))[0])
+        press_mm = self.press_mm(now_s)
+        signals = self._table.at(press_mm)[0]
+        if self._memory is not None:
+            signals = self._memory.added(signals, float(press_mm[2]), now_s)
+        signals = self._faults.applied(signals)
         light = np.zeros((self._layout.states, signals.shape[1]))
         light[[emitter is not None for emitter in self._layout.lit]] = signals
         light *= 1.0 + LIGHT_NOISE * self._rng.standard_normal((len(light), 1))

@@ -201,6 +201,21 @@ def test_an_untouched_pad_is_not_held_by_noise_nor_by_single_wrong_answers_of_th
     assert np.mean([state.excess for state in bench.states[100:]]) == pytest.approx(1.0, abs=0.25)
 
 
+@pytest.mark.parametrize(("rest", "is_held"), [(0.001, False), (0.004, True)])
+def test_what_a_press_leaves_holds_a_quiet_board_only_while_it_is_as_large_as_a_touch(
+    rest: float, is_held: bool
+) -> None:
+    """At 200 frames a second with noise of 0.1 %, both changes exceed the noise of 0.2 s by far."""
+    rng = np.random.default_rng(2)
+    frames = 300.0 + 0.3 * rng.standard_normal((600, 8, 8))
+    tracker = DriftTracker(frames[:200], np.full(64, 300.0))
+    left = 1.0 + rest * rng.choice([-1.0, 1.0], 64)
+    states = [tracker.follow(k / 200.0, frame.ravel() * left, False) for k, frame in enumerate(frames[200:])]
+    assert states[-1].excess > 4.0
+    assert states[-1].is_held is is_held
+    assert (states[-1].held_without_touch_s > 1.0) is is_held
+
+
 @pytest.mark.slow
 def test_frames_that_come_late_and_in_bunches_do_not_hold_an_untouched_pad() -> None:
     bench = Bench()

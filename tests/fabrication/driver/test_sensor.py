@@ -23,6 +23,7 @@ from optopad.fabrication.driver.recording.export import read_recorded
 from optopad.fabrication.driver.simulated.board import FakeBoard
 from optopad.fabrication.driver.simulated.finger import FingerPath
 from optopad.fabrication.driver.simulated.port import FakePort, PtyWire, SocketWire
+from optopad.fabrication.driver_file import MemoryNote
 from tests.fabrication.driver.made_up_pad import board, pad_config, press_table, untouched
 
 ROOT = Path(__file__).parents[3]
@@ -62,6 +63,28 @@ def test_signals_are_the_simulated_ones_less_ambient_and_baseline_normalised() -
     assert np.nanmax(np.abs(np.mean([f.normalised for f in frames], axis=0) - 1)[clear]) < 0.05
     assert all(frame.saturated[:8][untouched() > 1023].all() for frame in frames)
     assert not any(frame.saturated[8].any() for frame in frames)
+
+
+def test_a_simulated_pad_keeps_a_residue_of_the_last_press_at_its_place() -> None:
+    """In the untouched pad and under the next press elsewhere: half of it is left after the decay."""
+    at = np.array(
+        [[16.0, 16.0, -1.0], [16.0, 16.0, 3.0], [16.0, 16.0, -1.0], [8.0, 8.0, -1.0], [8.0, 8.0, 1.0]]
+    )
+    path = FingerPath(time_s=np.array([0.0, 1.0, 2.0, 4.0, 5.0]), press_mm=at)
+    keeps = FakeBoard(
+        replace(pad_config(), memory=MemoryNote(residue=0.1, decay_s=2.0)), table := press_table(), path
+    )
+    whole = (table.at(at[1]) - table.untouched)[0]
+    clear = (untouched() < 900) & (np.abs(whole) > 20.0)
+
+    def added(now_s: float) -> np.ndarray:
+        counts = np.mean([keeps.counts(now_s) for _ in range(200)], axis=0)
+        return np.asarray((counts[:-1] - counts[-1] - table.at(path.at(now_s))[0])[clear] / whole[clear])
+
+    np.testing.assert_allclose(added(1.0), 0.0, atol=0.01)
+    np.testing.assert_allclose(
+        [added(2.0), added(4.0), added(5.0 - 1e-6)], [[0.1], [0.05], [0.04]] * np.ones(clear.sum()), atol=0.01
+    )
 
 
 def test_a_press_lowers_the_pairs_that_it_is_near_to() -> None:

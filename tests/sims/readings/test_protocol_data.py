@@ -12,6 +12,7 @@ import pytest
 from optopad.design.errors import InputError
 from optopad.design.preset import preset
 from optopad.design.press_protocol import PressProtocol, protocol_from
+from optopad.design.recordings import kept_share
 from optopad.sims.readings.press_data import KNOTS_MM, PressCurves
 from optopad.sims.readings.protocol import ProtocolCurves, draw, drawn_presses, untouched_readout
 from optopad.sims.readings.signal_chain import chain_of, without_noise
@@ -90,7 +91,7 @@ def test_the_same_seed_gives_the_same_data_and_another_other_noise_and_order() -
 
 def test_a_press_is_the_same_alone_as_among_all() -> None:
     """So that an interrupted run goes on with the same data."""
-    curves = made_up_light()
+    curves = made_up_light(PAD.with_(**{"noise.release_residue": 0.04}))
     whole = draw(curves, seed=4)
     left = frozenset((s, k) for s in (0, 1) for k in range(9) if (s, k) not in {(0, 7), (1, 2)})
     found = list(drawn_presses(curves, seed=4, but=left))
@@ -148,6 +149,26 @@ def test_loose_walls_blend_signals_and_leave_a_hysteresis() -> None:
 def test_loose_walls_need_their_own_light() -> None:
     with pytest.raises(InputError, match="traced without loose walls"):
         draw(made_up_light(quiet(wall_unbonded_share=0.5)))
+
+
+def test_the_last_press_is_added_to_the_next_and_after_the_release_to_the_untouched_pad() -> None:
+    memory, plain = {"release_residue": 0.1, "release_decay_s": 2.0}, quiet(retract_lag_mm=0.05)
+    curves = made_up_light(plain.with_(**{f"noise.{name}": value for name, value in memory.items()}))
+    data, held = draw(curves), draw(made_up_light(plain))
+    change = ((data.signals() - held.signals()) / curves.readout.gains).reshape(PRESSES, POINTS, 64)
+    light = (held.signals() / curves.readout.gains).reshape(PRESSES, POINTS, 64)
+    whole = light[:, 8] - light[:, 0]  # of each press at its deepest
+    time_s = data.time_s.reshape(PRESSES, POINTS)
+    released = int(np.flatnonzero(data.true_press_mm[:POINTS, 2] > 0.0)[-1]) + 1
+    begun = time_s[:, :1] - time_s[:, :1] % PROTOCOL.press_s
+    np.testing.assert_allclose(change[0, :released], 0.0, atol=1e-9)
+    for before, rows in ((0, slice(released, None)), (1, slice(0, released))):
+        for k in (1, 5):
+            since_s = time_s[k, rows] - begun[k - before] - released * PROTOCOL.dwell_s
+            kept = kept_share(since_s, residue=0.1, decay_s=2.0)
+            np.testing.assert_allclose(
+                change[k, rows], kept[:, None] * whole[k - before], rtol=1e-3, atol=1e-8
+            )
 
 
 def test_another_build_is_drawn_from_the_same_light() -> None:

@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 
 from optopad.design.circuit.circuit import Circuit
-from optopad.design.errors import ModelScopeError
+from optopad.design.errors import DesignError, ModelScopeError
+from optopad.design.fields.packaged import data_quantities
 from optopad.design.preset import preset
 from optopad.design.spec.sensor import CHAIN, PURE, Noise
 from optopad.sims.readings.readout import Readout
 from optopad.sims.readings.signal_chain import (
     PressDraw,
+    Remainder,
     SignalChain,
     blended,
     chain_of,
@@ -68,7 +70,7 @@ def test_all_off_gives_the_pure_signal() -> None:
 
 def test_every_parameter_of_the_chain_can_be_turned_off() -> None:
     """`PURE` names all but the verdict's own and the shapes, which do nothing by themselves."""
-    shapes = {"ambient_flicker", "flicker_hz", "wall_heal_s"}
+    shapes = {"ambient_flicker", "flicker_hz", "wall_heal_s", "release_decay_s"}
     assert set(PURE) | shapes | {"relative_noise"} == set(Noise.model_fields)
 
 
@@ -298,3 +300,19 @@ def test_loose_walls_are_those_of_an_air_gap_and_come_loose_once() -> None:
     assert (loose.surfaces.wall_finish, loose.surfaces.wall_index) == ("air_gap", None)
     with pytest.raises(ModelScopeError, match="air gap already"):
         with_loose_walls(loose)
+
+
+def test_a_released_press_leaves_half_of_its_residue_after_the_decay_and_never_less_light_than_none() -> None:
+    left = Remainder(change=np.full((8, 8), -0.5), released_s=3.0)
+    noise = Noise(release_residue=0.04, release_decay_s=2.0)
+    found = left.added(np.full((3, 8, 8), 0.9), np.array([2.0, 5.0, 41.0]), noise)
+    np.testing.assert_allclose(found[:, 0, 0], [0.88, 0.89, 0.899])
+    assert left.added(np.full((1, 8, 8), 0.01), np.array([3.0]), noise).max() == 0.0
+
+
+def test_the_usual_residue_is_the_catalogues_and_more_than_all_of_a_press_is_refused() -> None:
+    """The preset that has a memory takes it from the catalogue, whose bands hold what was fitted to the recordings."""
+    known, noise = data_quantities("memory.toml"), preset("gripper-teensy").noise
+    assert (noise.release_residue, noise.release_decay_s) == tuple(one.value for one in known.values())
+    with pytest.raises(DesignError, match=r"noise.release_residue.*1\.2.*1"):
+        DESIGN.with_(**{"noise.release_residue": 1.2})
