@@ -6,6 +6,7 @@ A heading, then one press by one object in each row:
 
     x_mm, y_mm             place of the object's centre in the cavity [mm]
     depth_mm or force_n    how far it moves from first touch [mm], or the force that presses it [N]
+    shear_x_mm, shear_y_mm how far it then moves sideways, 0 if left out [mm]
     object                 kind, with keys if need be: cylinder, or cylinder;radius=5. Semicolons stand for the commas
                            of `--object`, which would end a cell. An empty cell means the object given for all
     radius, yaw, ...       any key of the objects; lengths may end in _mm and angles in _deg. An empty cell keeps the
@@ -35,7 +36,7 @@ from optopad.design.csv_table import CsvTable, read_csv
 from optopad.design.draft import Draft
 from optopad.design.errors import InputError, ModelScopeError, shown
 from optopad.design.fields.base import nearest
-from optopad.design.held_object import KINDS, HeldObject, held_of, held_with
+from optopad.design.held_object import KINDS, MM_PER, UNITS, HeldObject, held_of, held_with
 from optopad.design.press_protocol import MOST_PLACES
 from optopad.design.progress import OnStep
 from optopad.design.recordings import ROLES, SetEntry
@@ -63,7 +64,7 @@ PRESS_S = 5.0
 """Time from one press to the next [s], for the drift within a set; as on a stage."""
 WINDOW = 16
 """Presses whose deformed tops are held in memory at a time; a top has 0.3 to 1 MB."""
-NEEDED = "the columns x_mm, y_mm, and depth_mm or force_n; object, its keys and role are optional"
+NEEDED = "the columns x_mm, y_mm, and depth_mm or force_n; shear_x_mm, shear_y_mm, object, its keys, role are optional"
 GIVEN_BY_LIST = ("x", "y", "depth")
 """Keys of an object that a list has columns for."""
 MOST_NOTES = 3
@@ -76,13 +77,14 @@ def _key_columns() -> dict[str, str]:
         for key, field in kind.model_fields.items():
             if key != "kind" and key not in GIVEN_BY_LIST:
                 is_number = float in (field.annotation, *get_args(field.annotation))
-                unit = "deg" if key in ("yaw", "pitch", "roll") else "mm"
-                found |= {key: key} | ({f"{key}_{unit}": key} if is_number else {})
+                unit = next(iter(UNITS.get(key, MM_PER)))
+                found |= {key: key} | ({f"{key}_{unit}": key} if is_number and unit else {})
     return found
 
 
 KEY_COLUMNS = _key_columns()
-PRESS_COLUMNS = ("x_mm", "y_mm", "depth_mm", "force_n", "object", "role")
+SHEAR_COLUMNS = ("shear_x_mm", "shear_y_mm")
+PRESS_COLUMNS = ("x_mm", "y_mm", "depth_mm", "force_n", *SHEAR_COLUMNS, "object", "role")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,6 +121,9 @@ def read_presses(file: Path, default: HeldObject | None = None) -> tuple[ListedP
     is_force = "force_n" in table.heading
     amount = _amounts(table, "force_n" if is_force else "depth_mm")
     places = list(zip(table.numbers("x_mm"), table.numbers("y_mm"), strict=True))
+    none = [0.0] * len(table.rows)
+    along = [table.numbers(name) if name in table.heading else none for name in SHEAR_COLUMNS]
+    shears = list(zip(*along, strict=True))
     known: dict[str, HeldObject] = {}
     found = []
     for row, record in enumerate(table.records()):
@@ -139,6 +144,7 @@ def read_presses(file: Path, default: HeldObject | None = None) -> tuple[ListedP
             at_mm=places[row],
             depth_mm=None if is_force else amount[row],
             force_n=amount[row] if is_force else None,
+            shear_mm=shears[row] if any(shears[row]) else None,
         )
         found.append(ListedPress(where=where, asked=asked, role=role))
     return tuple(found)

@@ -52,7 +52,7 @@ from optopad.design.held_object import Cylinder, HeldObject, Sphere, held_of
 from optopad.design.pad import Pad
 from optopad.design.progress import OnStep
 from optopad.design.rules.shape import NEAREST_WALL
-from optopad.sims.bounds.fisher import SEED_GAP, Sensitivity, information, information_error
+from optopad.sims.bounds.fisher import SEED_GAP, Sensitivity, least_variances, rooted
 from optopad.sims.contact.held.press import HeldPress
 from optopad.sims.contact.scope import contact_of
 from optopad.sims.held import AskedPress, HeldLight, Place, all_pressed, held_light, pressed, require_asked
@@ -336,17 +336,8 @@ def _bound(slopes: FloatArray, number: int) -> tuple[float, float]:
     """Least standard deviation of one motion if all are unknown, and its standard error; infinite if not resolved."""
     scale = np.abs(slopes).max(axis=(0, 1)) + 1e-300
     answers = Sensitivity(first=slopes[0] / scale, second=slopes[1] / scale, weight=np.ones(slopes.shape[1]))
-    fisher = information(answers)
-    least, vectors = np.linalg.eigh(fisher)
-    if any(
-        value <= 2.0 * float(information_error(answers, vector))
-        for value, vector in zip(least, vectors.T, strict=True)
-    ):
-        return np.inf, np.inf
-    inverse = np.linalg.inv(fisher)
-    deviation = float(np.sqrt(inverse[number, number]))
-    error = 0.5 * float(information_error(answers, inverse[number])) / deviation
-    return deviation / float(scale[number]), error / float(scale[number])
+    deviation, error = rooted(*least_variances(answers))
+    return float(deviation[number] / scale[number]), float(error[number] / scale[number])
 
 
 def _mistaken(

@@ -28,6 +28,7 @@ from optopad.report.sections.maps import map_section
 from optopad.report.sections.objects import objects_drawing, objects_of, objects_section
 from optopad.report.sections.rays import rays_section
 from optopad.report.sections.sensor import Pictures, checks_section, pictures_of, sensor_section
+from optopad.report.sections.shear import shear_drawing, shear_of, shear_section
 from optopad.report.sections.signals import (
     causes_section,
     matters_section,
@@ -51,6 +52,7 @@ TITLES = {
     "tolerance": "Tolerance",
     "force": "Load",
     "objects": "Objects",
+    "shear": "Shear",
     "build": "Build",
     "mold": "Checks",
     "warnings": "Warnings",
@@ -75,7 +77,7 @@ class Found:
     light : the light paths for the 3D view, or a text that says why there are none; None if there is no verdict
     sheet : the picture of these paths for print; None if there are none
     maps : maps of the pad by depth; None if the score has no map
-    objects : what the pad sees of objects; None if this was not computed
+    objects, shear : what the pad sees of objects, and of sideways load; None if this was not computed
     """
 
     checks: dict[str, Any]
@@ -88,6 +90,7 @@ class Found:
     sheet: Drawing | None
     maps: MapScene | None
     objects: dict[str, Any] | None = None
+    shear: dict[str, Any] | None = None
 
 
 Drawn = tuple[EarlyDrawings, dict[str, Drawing]]
@@ -112,9 +115,11 @@ def write_report(
     drawn : early drawings and those of the tolerance for this score; if None, they are made now
     """
     early, late = drawn or (early_drawings(design, score, seed=seed), tolerance_drawings(score))
-    drawings, objects = early.drawings | late, objects_of(folder)
+    drawings, objects, shear = early.drawings | late, objects_of(folder), shear_of(folder)
     if objects is not None:
         drawings["objects"] = objects_drawing(design, objects)
+    if shear is not None:
+        drawings["shear"] = shear_drawing(design, shear)
     _write_drawings(folder / "sims", drawings)
     found = Found(
         checks=checks,
@@ -127,6 +132,7 @@ def write_report(
         sheet=early.sheet,
         maps=early.maps,
         objects=objects,
+        shear=shear,
     )
     page = report_html(design, score, found, versions(), seed=seed)
     write_text_atomically(folder / PAGE, page)
@@ -186,4 +192,5 @@ def _light_sections(design: SensorDesign, score: ContinuityScore, found: Found) 
         "tolerance": tolerance_section(score, drawings),
         "force": force_section(design, score, drawings),
         "objects": objects_section(found.objects, drawings),
+        "shear": shear_section(found.shear, drawings),
     }

@@ -30,6 +30,8 @@ from optopad.studio.moves import moved, part_named
 MERGE_S = 1.5
 """Time within which consecutive edits of one field count as one step of the history [s]."""
 MOST_VERSIONS = 500
+MOST_SIDEWAYS_MM = 1.0
+"""Longest sideways motion of an object along x and along y [mm]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,13 +59,15 @@ class Version:
 class LivePress:
     """Location (x, y) in the coordinate system of the cavity, depth [mm], and the object that presses.
 
-    The object is None for the design's own tip; its location and depth are those of the press.
+    The object is None for the design's own tip; its location and depth are those of the press. `sideways_mm` is how far
+    the object then moves along the cavity's x and y.
     """
 
     x_mm: float
     y_mm: float
     depth_mm: float
     held: HeldObject | None = None
+    sideways_mm: tuple[float, float] = (0.0, 0.0)
 
     @property
     def place_mm(self) -> tuple[float, float]:
@@ -224,7 +228,7 @@ class Session:
                 self._say(f"not taken: {err}", is_bad=True)
                 return False
             if held is None:
-                self.press = replace(self.press, held=None)
+                self.press = replace(self.press, held=None, sideways_mm=(0.0, 0.0))
                 self._say("pressed by the design's own tip")
                 return True
             self.press = replace(
@@ -241,6 +245,17 @@ class Session:
             if now.held is not None:
                 whole = {name: math.remainder(round(angle), 360) for name, angle in angles_deg.items()}
                 self.press = replace(now, held=now.held.model_copy(update=whole))
+            if self.press != now:
+                self._tell()
+
+    def shear(self, *, x_mm: float | None = None, y_mm: float | None = None) -> None:
+        """Move the object sideways after the press, at most `MOST_SIDEWAYS_MM` each way; None leaves it as it is."""
+        with self._lock:
+            now = self.press
+            if now.held is not None:
+                given = zip((x_mm, y_mm), now.sideways_mm, strict=True)
+                x, y = (min(max(_hundredth(*one), -MOST_SIDEWAYS_MM), MOST_SIDEWAYS_MM) for one in given)
+                self.press = replace(now, sideways_mm=(x, y))
             if self.press != now:
                 self._tell()
 

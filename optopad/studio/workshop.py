@@ -51,6 +51,8 @@ class Look:
     points_mm : (n, 3) points of the top's mesh in the coordinate system of the cavity [mm]
     triangles : (m, 3) indices of points
     force_n, area_mm2 : load [N] and area of the contact [mm²]; 0 without contact
+    pull_n : sideways force of an object on the pad [N]
+    slip_share : share of the contact's area that slips [-]
     """
 
     digest: str
@@ -59,6 +61,8 @@ class Look:
     triangles: IntArray
     force_n: float
     area_mm2: float
+    pull_n: float = 0.0
+    slip_share: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -406,13 +410,15 @@ class Workshop:
             triangles=triangles,
             force_n=found.force_n,
             area_mm2=found.area_mm2,
+            pull_n=math.hypot(*found.pull_n),
+            slip_share=found.slip_share,
         )
 
     def _held_press(self, request: Request) -> HeldPress:
         """The contact of the object that presses, solved once."""
         key = (request.design.digest, request.press)
         if self._held is None or self._held[0] != key:
-            draft, asked = Draft.of(request.design), _asked(request.press)
+            draft, asked = Draft.of(request.design), asked_press(request.press)
             require_asked(draft, asked)
             self._held = key, pressed(draft, asked)
         return self._held[1]
@@ -423,7 +429,7 @@ class Workshop:
         light = held_light(
             Draft.of(design),
             [self._held_press(request)],
-            reflectance=_asked(press).reflectance,
+            reflectance=asked_press(press).reflectance,
             accuracy="draft",
             seed=self._seed,
         )
@@ -538,6 +544,8 @@ class Workshop:
         return LiveVerdict(digest=design.digest, level="whole", score=found)
 
 
-def _asked(press: LivePress) -> AskedPress:
+def asked_press(press: LivePress) -> AskedPress:
+    """The press of an object as the contact model takes it."""
     assert press.held is not None
-    return AskedPress(held=(press.held,), at_mm=press.place_mm, depth_mm=press.depth_mm)
+    shear = press.sideways_mm if any(press.sideways_mm) else None
+    return AskedPress(held=(press.held,), at_mm=press.place_mm, depth_mm=press.depth_mm, shear_mm=shear)

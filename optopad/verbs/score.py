@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +20,12 @@ from optopad.screen.answer import Answer, labelled, learner_words
 from optopad.screen.held import object_lines
 from optopad.screen.output import Told, foretell_score
 from optopad.screen.score import Score
+from optopad.screen.shear import shear_lines
 from optopad.sims.held_score import OBJECTS, require_objects, score_objects
 from optopad.sims.score import scoring
 from optopad.sims.score.build_tolerance import DEFAULT_BUILDS
 from optopad.sims.score.result import ContinuityScore
+from optopad.sims.shear_score import SHEAR, require_shear, score_shear
 from optopad.sims.verdict.builds import FEWEST_BUILDS, MOST_BUILDS
 from optopad.work import OUT, FinishedWork, beside
 
@@ -50,6 +54,32 @@ def score(
     return Score(design=design, found=found)
 
 
+@dataclass(frozen=True, kw_only=True)
+class _More:
+    """Figures that a score computes only if asked.
+
+    Attributes
+    ----------
+    name : name in the data for JSON
+    require : refuses a pad that is not modelled, before any work
+    score : computes the figures
+    lines : shows their data on the screen
+    file : file in the bundle's folder `sims`
+    """
+
+    name: str
+    require: Callable[[Pad], None]
+    score: Callable[..., Any]
+    lines: Callable[[dict[str, Any]], list[str]]
+    file: str
+
+
+MORE = (
+    _More(name="objects", require=require_objects, score=score_objects, lines=object_lines, file=OBJECTS),
+    _More(name="shear", require=require_shear, score=score_shear, lines=shear_lines, file=SHEAR),
+)
+
+
 @verb()
 def score_command(
     design: SensorDesign,
@@ -59,6 +89,7 @@ def score_command(
     tolerance: bool = False,
     builds: int | None = None,
     objects: bool = False,
+    shear: bool = False,
     out: Path = Path(OUT),
     seed: int = 0,
     details: bool = False,
@@ -74,23 +105,25 @@ def score_command(
     tolerance : Also run a Monte Carlo over all tolerances and report how many units keep the verdict.
     builds : Units of the Monte Carlo of --tolerance (200 if left out).
     objects : Also report how well the pad distinguishes ball, cylinder, edge, face and corner.
+    shear : Also report how well the pad resolves sideways load, and what it does to models without it.
     """
     drawn = _drawn_builds(tolerance, builds)
     pad = Pad.of(design)
     foretell_score(pad, fine=fine, full=full, quiet=as_json)
-    if objects:
-        require_objects(pad)
-    found, folder, of_objects = _written(
-        pad, out, fine=fine, full=full, seed=seed, on_step=on_step, builds=drawn, objects=objects
+    more = [one for one, is_asked in zip(MORE, (objects, shear), strict=True) if is_asked]
+    for one in more:
+        one.require(pad)
+    found, folder, added = _written(
+        pad, out, fine=fine, full=full, seed=seed, on_step=on_step, builds=drawn, more=more
     )
     answer, files = Answer.read(folder / ANSWER), labelled("files", str(folder))
-    files_too = [*([] if of_objects is None else object_lines(of_objects)), files]
+    files_too = [*(line for one in more for line in one.lines(added[one.name])), files]
     if details:
         lines = [*answer.details, labelled("size", answer.size), *files_too]
     else:
         learner = learner_words(folder, design.digest)
         lines = answer.lines(files_too, command=asked.words, learner=learner)
-    return Told(found.to_json() | ({} if of_objects is None else {"objects": of_objects}), lines)
+    return Told(found.to_json() | added, lines)
 
 
 def _drawn_builds(tolerance: bool, builds: int | None) -> int | None:
@@ -113,9 +146,9 @@ def _written(
     on_step: OnStep,
     full: bool = False,
     builds: int | None = None,
-    objects: bool = False,
-) -> tuple[ContinuityScore, Path, dict[str, Any] | None]:
-    """Write verdict, map and the map's signals into the bundle; the score, the bundle's folder, and what of objects."""
+    more: Sequence[_More] = (),
+) -> tuple[ContinuityScore, Path, dict[str, Any]]:
+    """Write verdict, map and the map's signals into the bundle; the score, the bundle's folder, and data of `more`."""
     design, name = pad.design, bundle_name(pad.design)
     has_page = (out / name / "report.html").exists()  # a bundle has one verdict: its page is made anew
     contact, answer = answer_parts(design, seed, fine=fine, full=full, builds=builds, has_page=has_page)
@@ -138,21 +171,23 @@ def _written(
             memo=memo,
         )
         drawn()
-        of_objects = _of_objects(pad, folder, score, seed, on_step) if objects else None
+        added = {one.name: _added(one, pad, folder, score, seed, on_step) for one in more}
         if has_page:
             write_pages(design, folder, score, seed, drawer)
     if memo is not None:
         memo.forget()
-    return score, out / name, of_objects
+    return score, out / name, added
 
 
-def _of_objects(pad: Pad, folder: Path, score: ContinuityScore, seed: int, on_step: OnStep) -> dict[str, Any]:
-    """Compute and write how the pad distinguishes objects; if the models do not cover them, return only the reason."""
+def _added(
+    one: _More, pad: Pad, folder: Path, score: ContinuityScore, seed: int, on_step: OnStep
+) -> dict[str, Any]:
+    """Compute and write figures beside the verdict; if the models do not cover them, return only the reason."""
     if score.readout is None:
         return {"refused": "the models give no verdict on this design"}
     try:
-        found = score_objects(pad, seed=seed, on_step=on_step).to_json()
+        found: dict[str, Any] = one.score(pad, seed=seed, on_step=on_step).to_json()
     except ModelScopeError as err:
         return {"refused": str(err)}
-    write_text_atomically(folder / "sims" / OBJECTS, json.dumps(found, indent=2) + "\n")
+    write_text_atomically(folder / "sims" / one.file, json.dumps(found, indent=2) + "\n")
     return found

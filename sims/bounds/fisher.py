@@ -302,7 +302,7 @@ class Bounds:
 
 
 def information(answers: Sensitivity) -> FloatArray:
-    """(..., 3, 3) Fisher information about x, y and depth [1/mm²]; trace noise may make it not positive definite."""
+    """(..., n, n) Fisher information about all unknowns; trace noise may make it not positive definite."""
     weighted = answers.first * answers.weight[..., None]
     product = np.swapaxes(weighted, -1, -2) @ answers.second
     return np.asarray(0.5 * (product + np.swapaxes(product, -1, -2)))
@@ -313,17 +313,31 @@ def information_error(answers: Sensitivity, direction: FloatArray) -> FloatArray
 
     Parameters
     ----------
-    direction : (..., 3) vector v
+    direction : (..., n) vector v
 
     Returns
     -------
-    (...) standard error [unit of v² per mm²]
+    (...) standard error
     """
     first, second = ((half @ direction[..., None])[..., 0] for half in (answers.first, answers.second))
     variance = 0.5 * (first - second) ** 2
     slope = 0.25 * (first + second) ** 2
     spread = answers.weight**2 * (2.0 * slope * variance + variance**2)
     return np.asarray(np.sqrt(spread.sum(axis=-1)))
+
+
+def least_variances(
+    answers: Sensitivity, zero_sigmas: float = ZERO_SIGMAS
+) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Least variances (..., n) of all unknowns if none is known, their standard errors, and whether they are resolved.
+
+    Where a press is not resolved, the numbers mean nothing.
+    """
+    fisher = information(answers)
+    is_seen = _is_seen(answers, fisher, zero_sigmas)
+    inverse = np.linalg.inv(np.where(is_seen[..., None, None], fisher, np.eye(fisher.shape[-1])))
+    slips = [information_error(answers, inverse[..., axis]) for axis in range(fisher.shape[-1])]
+    return np.diagonal(inverse, axis1=-2, axis2=-1), np.stack(slips, axis=-1), is_seen
 
 
 def bounds_of(answers: Sensitivity, zero_sigmas: float = ZERO_SIGMAS) -> Bounds:
@@ -335,14 +349,12 @@ def bounds_of(answers: Sensitivity, zero_sigmas: float = ZERO_SIGMAS) -> Bounds:
     zero_sigmas : number of the trace's standard errors by which information must exceed zero in every direction
         [-]; otherwise the press counts as not resolved
     """
-    fisher = information(answers)
-    is_seen = _is_seen(answers, fisher, zero_sigmas)
-    inverse = np.linalg.inv(np.where(is_seen[..., None, None], fisher, np.eye(3)))
-    variance = np.diagonal(inverse, axis1=-2, axis2=-1)
-    slips = [information_error(answers, inverse[..., axis]) for axis in range(3)]
-    location, location_error = _rooted(variance[..., 0] + variance[..., 1], np.hypot(*slips[:2]), is_seen)
-    depth, depth_error = _rooted(variance[..., 2], slips[2], is_seen)
-    alone, alone_error = _depth_alone(answers, fisher[..., 2, 2], zero_sigmas)
+    variance, slips, is_seen = least_variances(answers, zero_sigmas)
+    location, location_error = rooted(
+        variance[..., 0] + variance[..., 1], np.hypot(slips[..., 0], slips[..., 1]), is_seen
+    )
+    depth, depth_error = rooted(variance[..., 2], slips[..., 2], is_seen)
+    alone, alone_error = _depth_alone(answers, zero_sigmas)
     return Bounds(
         location_mm=location,
         location_error_mm=location_error,
@@ -354,27 +366,28 @@ def bounds_of(answers: Sensitivity, zero_sigmas: float = ZERO_SIGMAS) -> Bounds:
 
 
 def _is_seen(answers: Sensitivity, fisher: FloatArray, zero_sigmas: float) -> BoolArray:
-    """(...) whether a press is resolved: in every direction of (x, y, depth), information exceeds the trace's error."""
+    """(...) whether a press is resolved: in every direction of the unknowns, information exceeds the trace's error."""
     least, vectors = np.linalg.eigh(fisher)
     clear = [
-        least[..., axis] > zero_sigmas * information_error(answers, vectors[..., axis]) for axis in range(3)
+        least[..., axis] > zero_sigmas * information_error(answers, vectors[..., axis])
+        for axis in range(fisher.shape[-1])
     ]
     return np.asarray(np.all(clear, axis=0) & (least[..., 0] > 1e-12 * np.abs(least[..., 2])))
 
 
-def _rooted(variance: FloatArray, error: FloatArray, is_seen: BoolArray) -> tuple[FloatArray, FloatArray]:
+def rooted(variance: FloatArray, error: FloatArray, is_seen: BoolArray) -> tuple[FloatArray, FloatArray]:
     """Square root of a variance, and the root's standard error; both infinite where `is_seen` is False."""
     root = np.sqrt(np.where(is_seen, variance, 1.0))
     return np.where(is_seen, root, np.inf), np.where(is_seen, 0.5 * error / root, np.inf)
 
 
-def _depth_alone(
-    answers: Sensitivity, depth_information: FloatArray, zero_sigmas: float
-) -> tuple[FloatArray, FloatArray]:
-    error = information_error(answers, np.broadcast_to([0.0, 0.0, 1.0], (*depth_information.shape, 3)))
+def _depth_alone(answers: Sensitivity, zero_sigmas: float) -> tuple[FloatArray, FloatArray]:
+    fisher = information(answers)
+    depth_information = fisher[..., 2, 2]
+    error = information_error(answers, np.broadcast_to(np.eye(fisher.shape[-1])[2], fisher.shape[:-1]))
     is_seen = (depth_information > zero_sigmas * error) & (depth_information > 0.0)
     known = np.where(is_seen, depth_information, 1.0)
-    return _rooted(1.0 / known, error / known**2, is_seen)
+    return rooted(1.0 / known, error / known**2, is_seen)
 
 
 STAGE_ENDS = (0.8, 0.95)

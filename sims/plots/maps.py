@@ -20,6 +20,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Polygon, Rectangle
 
 from optopad.design.arrays import BoolArray, FloatArray
+from optopad.design.draft import Draft
 from optopad.design.shape.cavity import TURN_RAD, CavityGeometry, PlacedPart, Plan, outline_mm
 from optopad.design.shape.outline import Outline
 from optopad.sims.bounds.detection_threshold import DetectionThreshold
@@ -89,6 +90,8 @@ LABELS = {
 }
 MOST_NUMBERED = 13
 """Largest number of locations along a side for which cells show numbers."""
+FINE = 160
+"""Points along a side of a map whose locations are not in rows and columns."""
 FEW, LETTERS = 7, ((7.0, 4.6), (8.0, 5.5))
 """Number of locations along a side up to which numbers are large, and the font sizes of large and small numbers, first
 in a panel of a sheet and then in a large map [points]."""
@@ -148,6 +151,36 @@ def plot_bound_sheet(bounds: PadBounds, cavity: CavityGeometry, quantity: Quanti
     for layer, ax in enumerate(panels):
         draw_map(ax, cavity, lines, values[:, :, layer], CHANGE_COLOURS, norm)
     add_scale(figure, panels, LABELS[quantity], CHANGE_COLOURS, norm)
+    return figure
+
+
+def plot_pull_sheet(
+    draft: Draft, places_mm: FloatArray, depth_mm: Sequence[float], least_n: FloatArray
+) -> Figure:
+    """Least standard deviation (place, depth) of a sideways force [N] at locations (place, 2), a map for each depth.
+
+    Each point of the workspace has the value of the nearest location.
+    """
+    cavity, space = draft.cavity, draft.workspace
+    figure, panels = map_sheet(cavity, [f"{depth:.3g} mm deep" for depth in depth_mm], PANEL_IN)
+    x, y = (
+        np.linspace(low, high, FINE) for low, high in zip(space.box_mm[:2], space.box_mm[2:], strict=True)
+    )
+    across, along = np.meshgrid(x, y)
+    away = np.hypot(across[..., None] - places_mm[:, 0], along[..., None] - places_mm[:, 1])
+    norm = _log_scale(least_n)
+    for values, ax in zip(least_n.T, panels, strict=True):
+        mesh = ax.pcolormesh(
+            x,
+            y,
+            np.ma.masked_invalid(values[away.argmin(axis=2)]),
+            cmap=CHANGE_COLOURS,
+            norm=norm,
+            rasterized=True,
+        )
+        mesh.set_clip_path(workspace_patch(space, transform=ax.transData))
+        _draw_pad(ax, cavity, is_large=False)
+    add_scale(figure, panels, "least sideways force, one frame [N]", CHANGE_COLOURS, norm)
     return figure
 
 

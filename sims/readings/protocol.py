@@ -11,7 +11,7 @@ light do not depend on it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -76,6 +76,7 @@ def protocol_curves(
     seed: int = 0,
     accuracy: str | Accuracy = "draft",
     is_coarse: bool | None = None,
+    light: Callable[[FloatArray], FloatArray] | None = None,
     on_step: OnStep | None = None,
 ) -> ProtocolCurves:
     """Trace the light of a press protocol at all of its locations.
@@ -85,6 +86,7 @@ def protocol_curves(
     seed, accuracy : random seed and accuracy setting of the light model
     is_coarse : whether to trace fewer depths, with a larger error (docs/how-to/simulate-data-set.md). If None, the
         protocol decides
+    light : function that gives the flux (n, emitter, receiver) of presses (n, 3) on bonded walls, in place of a trace
     on_step : called with the name of a stage and the fraction of it that is done (0 to 1)
 
     Raises
@@ -96,8 +98,14 @@ def protocol_curves(
     distinct, place_of = _distinct(places)
     coarse = protocol.curves == "coarse" if is_coarse is None else is_coarse
     knots = knots_mm(design, is_coarse=coarse, deepest_mm=protocol.deepest_mm)
-    curves = _traced(design, distinct, knots, accuracy, seed, on_step, "light")
     loose = None
+    if light is not None:
+        presses = [(x, y, depth) for x, y in distinct.tolist() for depth in knots.tolist()]
+        flux = light(np.array(presses))
+        flux = flux.reshape(len(distinct), len(knots), *flux.shape[1:])
+        curves = PressCurves(places_mm=distinct, depth_mm=knots, flux=flux)
+    else:
+        curves = _traced(design, distinct, knots, accuracy, seed, on_step, "light")
     if design.noise.wall_unbonded_share > 0.0:
         loose = _traced(with_loose_walls(design), distinct, knots, accuracy, seed, on_step, "loose walls")
     return ProtocolCurves(

@@ -27,12 +27,16 @@ USED = {
 
 def objects_of(folder: Path) -> dict[str, Any] | None:
     """What a bundle says of objects; None if it was not computed, or the file is damaged."""
-    file = folder / "sims" / OBJECTS
+    return figures_of(folder, OBJECTS, USED)
+
+
+def figures_of(folder: Path, name: str, used: set[str]) -> dict[str, Any] | None:
+    """The data of a file in a bundle's folder `sims`; None if it is missing or damaged, or lacks a key that is used."""
     try:
-        found: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+        found: dict[str, Any] = json.loads((folder / "sims" / name).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
-    return found if isinstance(found, dict) and found.keys() >= USED else None
+    return found if isinstance(found, dict) and found.keys() >= used else None
 
 
 def objects_drawing(design: SensorDesign, found: dict[str, Any]) -> Drawing:

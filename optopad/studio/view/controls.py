@@ -34,7 +34,7 @@ from optopad.studio.sentences import (
     sensor_html,
     verdict_html,
 )
-from optopad.studio.session import Session
+from optopad.studio.session import MOST_SIDEWAYS_MM, Session
 from optopad.studio.workshop import Curves, Failed, LiveVerdict, Look, Progress, Readings, Result
 
 PICTURE_S = 20.0
@@ -469,6 +469,10 @@ class Controls:
                 name: self._angle_slider(name, turn if name == "yaw" else "")
                 for name in ("yaw", "pitch", "roll")
             }
+            self._sideways = [
+                self._sideways_slider("x", "Moves it after the press; or drag it with control and shift."),
+                self._sideways_slider("y", ""),
+            ]
             self._rays: Any = gui.add_checkbox(
                 "sample rays", False, hint="Paths of the nearest pairs' light, by kind."
             )
@@ -511,6 +515,27 @@ class Controls:
         slider.on_update(turned)
         return slider
 
+    def _sideways_slider(self, axis: str, hint: str) -> Any:
+        most = MOST_SIDEWAYS_MM
+        slider = self._gui.add_slider(
+            f"sideways {axis} [mm]",
+            min=-most,
+            max=most,
+            step=0.01,
+            initial_value=0.0,
+            visible=False,
+            hint=hint,
+        )
+
+        def sheared(event: Any) -> None:
+            if event.client is None:
+                return
+            wanted = float(slider.value)
+            self._later(f"sideways {axis}", lambda: self._session.shear(**{f"{axis}_mm": wanted}), 0.0)
+
+        slider.on_update(sheared)
+        return slider
+
     def _choose_object(self, event: Any) -> None:
         if event.client is not None:
             line = PRESSED_BY[str(self._pressed_by.value)]
@@ -534,6 +559,8 @@ class Controls:
     def _follow_object(self) -> None:
         """Show the object that presses; a line that was rejected is kept until there is another object."""
         held = self._session.press.held
+        for slider, value in zip(self._sideways, self._session.press.sideways_mm, strict=True):
+            slider.visible, slider.value = held is not None, value
         if held == self._shown_held:
             return
         self._shown_held = held

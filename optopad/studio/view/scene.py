@@ -283,9 +283,19 @@ class PadScene:
             yaw = float(self._grabs["turn from"][0]) + turn_deg(press.place_mm, grab, at)
             self._later("turn", lambda: self._session.turn(yaw=yaw))
 
+        async def sheared(event: viser.SceneNodeDragEvent[viser.MeshHandle]) -> None:
+            if event.phase == "start" or "shear" not in self._grabs:
+                self._grabs["shear"] = np.array(event.start_position)
+                self._grabs["shear from"] = np.array(self._session.press.sideways_mm)
+            eye, grab = np.array(event.client.camera.position), self._grabs["shear"]
+            at = plane_cut(eye, np.array(event.end_position), 2, float(grab[2]))
+            x, y = (self._grabs["shear from"] + (at - grab)[:2]).tolist()
+            self._later("sideways", lambda: self._session.shear(x_mm=x, y_mm=y))
+
         body.on_drag("left")(moved)
         body.on_drag("left", modifier="shift")(pushed)
         body.on_drag("left", modifier="cmd/ctrl")(turned)
+        body.on_drag("left", modifier="cmd/ctrl+shift")(sheared)
         return frame
 
     @property

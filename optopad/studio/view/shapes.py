@@ -217,7 +217,8 @@ def held_pose(plan: Plan, held: HeldObject, press: LivePress) -> tuple[FloatArra
         sag_mm = plan.top.in_frame.sag_mm(*np.meshgrid(nodes, nodes, indexing="ij"))
         height -= float(np.nanmin(bottom_mm(posed, nodes, nodes) + sag_mm))
     w, x, y, z = SO3.from_matrix(axes.T @ rotation(posed)).wxyz.tolist()
-    return origin + height * axes[2], (w, x, y, z)
+    sideways = np.array([*press.sideways_mm, 0.0])
+    return origin + sideways + (height - sideways @ axes[2]) * axes[2], (w, x, y, z)
 
 
 def mold_edges(design: SensorDesign) -> FloatArray:

@@ -332,7 +332,8 @@ def _factor(weight: FloatArray, gains: FloatArray) -> FloatArray:
 
 
 Answers = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
-"""Function from presses (n, 3) to signals (n, pair) and their slopes (n, 3, pair)."""
+"""Function from presses (n, 3) to signals (n, pair) and their slopes (n, 3, pair). A press may have more unknowns than
+x, y and depth; then so have slopes, table and box."""
 
 STARTS = 3
 ELSEWHERE_MM = 3.0
@@ -447,7 +448,9 @@ def found_presses(
     count = len(signals)
     starts = table.starts(signals, seen)
     twice = np.repeat(np.arange(count), STARTS)
-    found = _Search(answers, box, signals[twice], seen.of(twice)).descend(starts.reshape(-1, 3), STEPS)
+    found = _Search(answers, box, signals[twice], seen.of(twice)).descend(
+        starts.reshape(-1, starts.shape[-1]), STEPS
+    )
     pick = np.argmin(found.square.reshape(count, STARTS), axis=1) + STARTS * np.arange(count)
     place = found.of(pick)
     own = seen.own_deviations(signals - answers(place.press)[0])
@@ -538,7 +541,7 @@ class _Search:
         both = is_free[:, :, None] & is_free[:, None, :]
         diagonal = np.einsum("nii->ni", matrix) * (1.0 + damping[:, None]) + 1e-9
         damped = np.where(both, matrix, 0.0)
-        axes = np.arange(3)
+        axes = np.arange(press.shape[1])
         damped[:, axes, axes] = np.where(is_free, diagonal, 1.0)
         return np.asarray(np.linalg.solve(damped, np.where(is_free, slope, 0.0)[:, :, None])[:, :, 0])
 

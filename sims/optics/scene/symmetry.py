@@ -147,12 +147,12 @@ def _motions_of(scene: OpticalScene) -> list[tuple[FloatArray, FloatArray]]:
     """Candidate motions in plan, the identity first; for a pad that is not a block, only those that keep its shape."""
     form = scene.form
     if form is None:
-        return _motions(scene.length_mm, scene.width_mm)
+        return block_motions(scene.length_mm, scene.width_mm)
     whole = [arc for arc in form.arcs if tuple(arc[3:]) == WHOLE_CIRCLE]
     if whole:
         motions = _turns_and_mirrors(scene, np.asarray(whole[0][:2]))
     else:
-        motions = _motions(scene.length_mm, scene.width_mm)
+        motions = block_motions(scene.length_mm, scene.width_mm)
     return [motion for motion in motions if _keeps(form, *motion)]
 
 
@@ -196,7 +196,8 @@ def _keeps(form: PadForm, matrix: FloatArray, offset_mm: FloatArray) -> bool:
     return bool(near.any(axis=1).all() and (off.max(axis=2) <= 1.0).any(axis=1).all())
 
 
-def _motions(length_mm: float, width_mm: float) -> list[tuple[FloatArray, FloatArray]]:
+def block_motions(length_mm: float, width_mm: float) -> list[tuple[FloatArray, FloatArray]]:
+    """Rotations and reflections of a block onto itself, as matrices (2, 2) and translations (2,) [mm]."""
     signs = [(1, 1), (-1, -1), (-1, 1), (1, -1)]
     motions = [
         (np.diag([float(a), float(b)]), np.array([length_mm * (a < 0), width_mm * (b < 0)])) for a, b in signs

@@ -405,6 +405,9 @@ def test_an_object_presses_in_place_of_the_tip_is_turned_and_taken_away(session:
     session.turn(yaw=190.4)
     session.move_tip(y_mm=12.0)
     assert session.press.held == held_of("cylinder,radius=4,yaw=-170")
+    session.shear(x_mm=0.123)
+    session.shear(y_mm=-7.0)
+    assert session.press.sideways_mm == (0.12, -1.0)
     assert told[-1] == session.press
     turned = session.press
     for text in ("cylinder,radius=0", "cylinder,radius", "cube", "mesh,file=none.stl,units=mm"):
@@ -412,7 +415,9 @@ def test_an_object_presses_in_place_of_the_tip_is_turned_and_taken_away(session:
         assert session.said.is_bad
         assert session.press == turned
     assert session.hold("")
-    assert session.press == replace(turned, held=None)
+    assert session.press == replace(turned, held=None, sideways_mm=(0.0, 0.0))
+    session.shear(x_mm=0.2)
+    assert session.press.sideways_mm == (0.0, 0.0)
 
 
 def test_an_object_may_not_leave_the_workspace_and_an_angle_in_radians_is_doubted(session: Session) -> None:

@@ -31,6 +31,7 @@ from optopad.studio.workshop import (
     Request,
     Result,
     Workshop,
+    asked_press,
 )
 
 PAIR = preset("piacenza2017-pair")
@@ -436,3 +437,10 @@ def test_an_object_that_is_pressed_too_deep_is_refused_with_the_way_out() -> Non
         assert "press less deep" in failed.text
         shop.want(request_of(press=PRESS))
         answers.wait(lambda one: isinstance(one, Look))
+
+
+def test_an_object_that_is_dragged_sideways_is_pressed_first() -> None:
+    still = replace(PRESS, held=held_of("sphere"))
+    assert asked_press(still).shear_mm is None
+    asked = asked_press(replace(still, sideways_mm=(0.2, -0.1)))
+    assert (asked.at_mm, asked.depth_mm, asked.shear_mm) == (PRESS.place_mm, 2.0, (0.2, -0.1))
