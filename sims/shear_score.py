@@ -51,6 +51,8 @@ from optopad.design.held_object import HeldObject
 from optopad.design.press_protocol import QUICK_PROTOCOL, load_protocol_file
 from optopad.design.progress import OnStep
 from optopad.design.recordings import signals_of
+from optopad.design.shape.outline import Outline
+from optopad.design.spec import SensorDesign
 from optopad.sims.bounds.fisher import SEED_GAP, Steps, bounds_of, least_variances, rooted, sensitivities
 from optopad.sims.bounds.observability import BOUND_ACCURACIES
 from optopad.sims.contact.held.press import HeldPress
@@ -203,19 +205,17 @@ class _Places:
     ways: IntArray
     pairs: IntArray
 
+    def spread(self, values: FloatArray) -> FloatArray:
+        """Values (place, depth, 4) at all locations from those (computed, depth, 4) at the computed ones."""
+        return np.take_along_axis(values[self.source], self.ways[:, None, :], axis=2)
+
 
 def _places(draft: Draft, inset_mm: float, pitch_mm: float = PITCH_MM) -> _Places:
-    """Locations at most a pitch apart along x and y, an inset within the workspace; fewer if they are too many."""
-    space = draft.workspace
-    box = tuple(end + sign * inset_mm for end, sign in zip(space.box_mm, (1, 1, -1, -1), strict=True))
-    inner = space.in_box(box)  # type: ignore[arg-type]
-    if inner.is_empty:
-        raise ModelScopeError(
-            "shear: the workspace is too small to move the tip sideways in it; lower operating.workspace_margin_mm"
-        )
+    """Locations about a pitch apart along x and y, an inset within the workspace; fewer if they are too many."""
+    inner = _inner(draft, inset_mm)
     x, y = (
         np.linspace(low, high, max(round((high - low) / pitch_mm), 2) + 1)
-        for low, high in ((box[0], box[2]), (box[1], box[3]))
+        for low, high in zip(inner.box_mm[:2], inner.box_mm[2:], strict=True)
     )
     found: list[Place] = []
     for node in ((a, b) for a in x.tolist() for b in y.tolist()):
@@ -226,6 +226,18 @@ def _places(draft: Draft, inset_mm: float, pitch_mm: float = PITCH_MM) -> _Place
     if len(places.computed_mm) * places.pairs.shape[1] > MOST_READINGS:
         return _places(draft, inset_mm, WIDER * pitch_mm)
     return places
+
+
+def _inner(draft: Draft, inset_mm: float) -> Outline:
+    """The workspace without a border, in which the ball starts to move."""
+    space = draft.workspace
+    x0, y0, x1, y1 = space.box_mm
+    inner = space.in_box((x0 + inset_mm, y0 + inset_mm, x1 - inset_mm, y1 - inset_mm))
+    if inner.is_empty:
+        raise ModelScopeError(
+            "shear: the workspace is too small to move the tip sideways in it; lower operating.workspace_margin_mm"
+        )
+    return inner
 
 
 def _grouped(draft: Draft, all_mm: FloatArray) -> _Places:
@@ -280,32 +292,89 @@ class _States:
     def factors(self) -> FloatArray:
         """(2, computed, depth, 4, pair) change for each newton along x and y, and for each square newton."""
         change, pulls = self.change, self.pulls_n
-        linear = np.linalg.inv(pulls[..., 0::2, :] - pulls[..., 1::2, :]) @ (
-            change[..., 0::2, :] - change[..., 1::2, :]
-        )
-        size = np.hypot(pulls[..., 0], pulls[..., 1]) ** 2
-        square = (change[..., 0::2, :] + change[..., 1::2, :]) / (size[..., 0::2] + size[..., 1::2])[
-            ..., None
-        ]
+        linear = np.linalg.inv(_odd(pulls)) @ _odd(change)
+        square = _even(change) / _even((pulls**2).sum(axis=-1, keepdims=True))
         return np.concatenate([linear, square], axis=-2)
+
+    @property
+    def size_n(self) -> FloatArray:
+        """(computed, depth, 4) size of each pull [N]."""
+        return np.hypot(self.pulls_n[..., 0], self.pulls_n[..., 1])
 
     @property
     def scaled(self) -> FloatArray:
         """(computed, depth, 4, pair) change by the pull of `pull_n`, over untouched light [-]."""
-        size = np.hypot(self.pulls_n[..., 0], self.pulls_n[..., 1])
-        return np.asarray(self.change.mean(axis=0) * (self.pull_n[:, None] / size)[..., None])
+        return np.asarray(self.change.mean(axis=0) * (self.pull_n[:, None] / self.size_n)[..., None])
+
+    @property
+    def inset_mm(self) -> float:
+        """Distance of all locations from the workspace's border [mm]."""
+        return _inset_mm(self.shear_mm)
 
     def light(self) -> ForceLight:
         """The change at all locations, also those that are symmetric to the computed ones."""
         places = self.places
-        size = np.hypot(self.pulls_n[..., 0], self.pulls_n[..., 1])
         change = self.change.mean(axis=0)[places.source]
         rows = np.arange(len(places.source))[:, None, None, None]
         depths = np.arange(len(self.depth_mm))[None, :, None, None]
         turned = change[rows, depths, places.ways[:, None, :, None], places.pairs[:, None, None, :]]
-        pulls = np.take_along_axis(size[places.source], places.ways[:, None, :], axis=2)[..., None] * WAYS
+        pulls = places.spread(self.size_n)[..., None] * WAYS
         whole = replace(self, change=turned[None], pulls_n=pulls)
         return ForceLight(places_mm=places.all_mm, depth_mm=self.depth_mm, factors=whole.factors[0])
+
+
+def _odd(values: FloatArray) -> FloatArray:
+    """Differences (..., 2, n) of states with opposite pulls (..., 4, n)."""
+    return np.asarray(values[..., 0::2, :] - values[..., 1::2, :])
+
+
+def _even(values: FloatArray) -> FloatArray:
+    """Sums (..., 2, n) of states with opposite pulls (..., 4, n)."""
+    return np.asarray(values[..., 0::2, :] + values[..., 1::2, :])
+
+
+def _inset_mm(shear_mm: FloatArray) -> float:
+    return float(shear_mm.max()) + BESIDE_MM
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Sensor:
+    """A pad, the light of its tip as a map, and its readings.
+
+    Attributes
+    ----------
+    draft : the pad
+    design : its design, with bonded walls
+    known : map of the light without a pull
+    untouched : (emitter, receiver) light without contact [-]
+    readout, chain : gains and noise
+    """
+
+    draft: Draft
+    design: SensorDesign
+    known: SignalMap
+    untouched: FloatArray
+    readout: Readout
+    chain: SignalChain
+
+    def ratio(self, press_mm: FloatArray) -> FloatArray:
+        """Light (n, pair) of presses (n, 3) over untouched light [-]."""
+        return np.asarray(self.known.ratio_root.values(press_mm) ** 2)
+
+    def flux(self, ratio: FloatArray) -> FloatArray:
+        """Light (n, emitter, receiver) from ratios (n, pair), which are at least 0."""
+        return np.asarray(np.maximum(ratio, 0.0).reshape(-1, *self.untouched.shape) * self.untouched)
+
+
+def _sensor(draft: Draft, seed: int, tell: OnStep) -> _Sensor:
+    design = draft.design.with_(**{"noise.wall_unbonded_share": 0.0})
+    known = traced_map(
+        design, pitch_mm=QUICK_PITCH_MM, depth_nodes=QUICK_DEPTH_NODES, seed=seed, on_step=tell
+    )
+    untouched = untouched_flux(draft, seed=seed)
+    readout = untouched_readout(draft.design, untouched)
+    chain = chain_of(draft.design, readout)
+    return _Sensor(draft=draft, design=design, known=known, untouched=untouched, readout=readout, chain=chain)
 
 
 def require_shear(draft: Draft) -> None:
@@ -333,15 +402,9 @@ def score_shear(
         update={"friction": friction}
     )
     states = _solved(draft, ball, seed, tell)
-    bonded = draft.design.with_(**{"noise.wall_unbonded_share": 0.0})
-    known = traced_map(
-        bonded, pitch_mm=QUICK_PITCH_MM, depth_nodes=QUICK_DEPTH_NODES, seed=seed, on_step=tell
-    )
-    untouched = untouched_flux(draft, seed=seed)
-    readout = untouched_readout(draft.design, untouched)
-    least = _bounds(draft, states, readout, untouched, seed, tell)
-    chain = chain_of(draft.design, readout)
-    models = _models(bonded, known, untouched, seed, tell)
+    sensor = _sensor(draft, seed, tell)
+    least = _bounds(sensor, states, seed, tell)
+    models = _models(sensor, seed, tell)
     source = states.places.source
     return ShearScore(
         radius_of_tip_mm=draft.design.indenter.tip_radius_mm,
@@ -352,8 +415,8 @@ def score_shear(
         pull_n=states.pull_n,
         shear_mm=states.shear_mm,
         **{name: values[source] for name, values in least.items()},
-        moved=_moved(draft, states, known, models, chain, untouched),
-        map_errors=_map_errors(draft, ball, states, known, models, chain, untouched, seed, tell),
+        moved=_moved(sensor, states, models),
+        map_errors=_map_errors(sensor, ball, states, models, seed, tell),
     )
 
 
@@ -365,7 +428,7 @@ def _solved(draft: Draft, ball: HeldObject, seed: int, tell: OnStep) -> _States:
         try:
             depth_mm = share * np.minimum(np.array(DEPTHS) * radius, deepest * np.array(DEPTHS) / DEPTHS[-1])
             pull_n, shear_mm = _pulls(draft, ball, depth_mm)
-            places = _places(draft, float(shear_mm.max()) + BESIDE_MM)
+            places = _places(draft, _inset_mm(shear_mm))
             found = _contacts(draft, ball, places.computed_mm, depth_mm, shear_mm, tell)
         except ModelScopeError:
             share *= SHALLOWER
@@ -483,27 +546,19 @@ def _changed(draft: Draft, presses: Sequence[HeldPress], seed: int, on_share: An
     return np.asarray((light.flux / whole).reshape(len(presses), -1))
 
 
-def _bounds(
-    draft: Draft,
-    states: _States,
-    readout: Readout,
-    untouched: FloatArray,
-    seed: int,
-    tell: OnStep,
-) -> dict[str, FloatArray]:
+def _bounds(sensor: _Sensor, states: _States, seed: int, tell: OnStep) -> dict[str, FloatArray]:
     """Bounds (computed, depth) with and without an unknown pull, by the names of `ShearScore`."""
-    places = states.places.computed_mm
     at_rest = sensitivities(
-        draft,
-        places,
+        sensor.draft,
+        states.places.computed_mm,
         states.depth_mm,
-        readout,
+        sensor.readout,
         accuracies=BOUND_ACCURACIES[:1],
         seed=seed,
         steps=Steps(),
         on_step=lambda share: tell("bounds", share),
     )
-    counts = (untouched * readout.gains).ravel()
+    counts = (sensor.untouched * sensor.readout.gains).ravel()
     by_pull = np.moveaxis(states.factors[..., :2, :] * counts, -2, -1)
     answers = replace(
         at_rest,
@@ -524,16 +579,14 @@ def _bounds(
         }
 
 
-def _models(
-    design: Any, known: SignalMap, untouched: FloatArray, seed: int, tell: OnStep
-) -> dict[str, TouchModel]:
+def _models(sensor: _Sensor, seed: int, tell: OnStep) -> dict[str, TouchModel]:
     """The learners, trained with presses whose light is that of the map."""
-    spline = known.ratio_root
+    design, known = sensor.design, sensor.known
     curves = protocol_curves(
         design,
         load_protocol_file(QUICK_PROTOCOL).fitted_to(design),
         is_coarse=True,
-        light=lambda press: (spline.values(press) ** 2).reshape(-1, *untouched.shape) * untouched,
+        light=lambda press: sensor.flux(sensor.ratio(press)),
     )
     train = draw(curves, seed=seed).role("train")
     header = map_header(design, train, known, seed)
@@ -545,75 +598,50 @@ def _models(
     return models
 
 
-def _moved(
-    draft: Draft,
-    states: _States,
-    known: SignalMap,
-    models: dict[str, TouchModel],
-    chain: SignalChain,
-    untouched: FloatArray,
-) -> dict[str, Moved]:
+def _moved(sensor: _Sensor, states: _States, models: dict[str, TouchModel]) -> dict[str, Moved]:
     """What the pull changes of each model's prediction, at all locations."""
-    computed, depths = states.places.computed_mm, states.depth_mm
+    computed, depths, spread = states.places.computed_mm, states.depth_mm, states.places.spread
     press = np.column_stack([np.repeat(computed, len(depths), axis=0), np.tile(depths, len(computed))])
-    ratio = known.ratio_root.values(press).reshape(len(computed), len(depths), 1, -1) ** 2
-    both = np.concatenate([ratio, np.maximum(ratio + states.scaled, 0.0)], axis=2)
-    signals = np.minimum(both * (untouched * chain.gains).ravel(), chain.full_scale_counts)
-    curve = load_curve(draft.design)
+    ratio = sensor.ratio(press).reshape(len(computed), len(depths), 1, -1)
+    both = np.concatenate([ratio, ratio + states.scaled], axis=2)
+    counts = sensor.flux(both) * sensor.chain.gains
+    signals = np.minimum(counts, sensor.chain.full_scale_counts).reshape(-1, both.shape[-1])
+    curve = load_curve(sensor.design)
     found = {}
     for name, model in models.items():
-        press_mm = model.predict(signals.reshape(-1, signals.shape[-1])).press_mm.reshape(
-            *signals.shape[:3], 3
-        )
+        press_mm = model.predict(signals).press_mm.reshape(len(computed), len(depths), -1, 3)
         force_n = curve.at(press_mm[..., 2])
         off = press_mm[:, :, 1:] - press_mm[:, :, :1]
-        rows = (np.hypot(off[..., 0], off[..., 1]), off[..., 2], force_n[:, :, 1:] - force_n[:, :, :1])
-        turned = [
-            np.take_along_axis(one[states.places.source], states.places.ways[:, None, :], axis=2)
-            for one in rows
-        ]
         own = press_mm[:, :, 0] - press.reshape(len(computed), -1, 3)
         found[name] = Moved(
             off_mm=np.hypot(own[..., 0], own[..., 1])[states.places.source],
-            moved_mm=turned[0],
-            deeper_mm=turned[1],
-            stronger_n=turned[2],
+            moved_mm=spread(np.hypot(off[..., 0], off[..., 1])),
+            deeper_mm=spread(off[..., 2]),
+            stronger_n=spread(force_n[:, :, 1:] - force_n[:, :, :1]),
         )
     return found
 
 
 def _map_errors(
-    draft: Draft,
-    ball: HeldObject,
-    states: _States,
-    known: SignalMap,
-    models: dict[str, TouchModel],
-    chain: SignalChain,
-    untouched: FloatArray,
-    seed: int,
-    tell: OnStep,
+    sensor: _Sensor, ball: HeldObject, states: _States, models: dict[str, TouchModel], seed: int, tell: OnStep
 ) -> list[dict[str, Any]]:
     """Median and 95th percentile of the errors of both signal maps on noisy frames, without and with a pull."""
-    rng = np.random.default_rng([seed, TESTS])
-    shear_mm = states.shear_mm
-    inset = float(shear_mm.max()) + BESIDE_MM
-    box = draft.workspace.box_mm
-    inner = draft.workspace.in_box((box[0] + inset, box[1] + inset, box[2] - inset, box[3] - inset))
-    places = inner.spread(rng.uniform(size=(TESTS, 2)))
+    draft, rng = sensor.draft, np.random.default_rng([seed, TESTS])
+    places = _inner(draft, states.inset_mm).spread(rng.uniform(size=(TESTS, 2)))
     depth_mm = rng.uniform(states.depth_mm[0], states.depth_mm[-1], TESTS)
-    size = rng.uniform(size=TESTS) * np.interp(depth_mm, states.depth_mm, shear_mm)
+    size = rng.uniform(size=TESTS) * np.interp(depth_mm, states.depth_mm, states.shear_mm)
     angle = rng.uniform(0.0, 2.0 * np.pi, TESTS)
     moves = size[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
     asked = [
         one
         for at, depth, move in zip(places.tolist(), depth_mm.tolist(), moves, strict=True)
-        for one in _asked(ball, at, depth, np.array([[0.0, 0.0], move]))
+        for one in _asked(ball, at, depth, np.stack([np.zeros(2), move]))
     ]
     found = all_pressed(draft, asked, lambda done, total: tell("test presses", 0.7 * done / total))
     light = _changed(draft, found, seed + 2 * SEED_GAP, lambda part: tell("test presses", 0.7 + 0.3 * part))
     pull_n = np.array([one.pull_n for one in found[1::2]])
     press = np.column_stack([places, depth_mm])
-    ratio = known.ratio_root.values(press) ** 2
+    ratio = sensor.ratio(press)
     plain = models[SIGNAL_MAP]
     assert isinstance(plain, SignalMapModel)
     maps = {
@@ -622,9 +650,8 @@ def _map_errors(
     }
     rows = []
     for is_pulled in (False, True):
-        change = light[1::2] - light[0::2] if is_pulled else 0.0
-        flux = np.maximum(ratio + change, 0.0).reshape(-1, *untouched.shape) * untouched
-        frames = [chain.counts(flux, np.zeros(len(flux)), rng) for _ in range(FRAMES)]
+        flux = sensor.flux(ratio + (light[1::2] - light[0::2]) * is_pulled)
+        frames = [sensor.chain.counts(flux, np.zeros(len(flux)), rng) for _ in range(FRAMES)]
         signals = signals_of(np.concatenate(frames).astype(np.float64))
         truth = np.tile(np.column_stack([press, pull_n * is_pulled]), (FRAMES, 1))
         for name, search in maps.items():

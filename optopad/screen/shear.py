@@ -46,17 +46,15 @@ def shear_sentences(found: dict[str, Any]) -> list[tuple[str, str]]:
         pull = "one frame does not give the pull"
         costs = "bounds of location and depth with an unknown pull are not resolved"
     unmodelled = [
-        f"{name} {_largest(one['moved_mm'])} mm, {_largest(one['deeper_mm'])} mm and {_largest(one['stronger_n'])} N"
+        f"{_span(found['pull_n'])} N move what {name} reports: location by {_largest(one['moved_mm'])} mm, depth by "
+        f"{_largest(one['deeper_mm'])} mm, force by {_largest(one['stronger_n'])} N; median, (worst)"
         for name, one in found["unmodelled"].items()
     ]
     plain, with_pull = (one for one in found["map_errors"] if one["is_pulled"])
     return [
         ("a pull", pull),
         ("costs", costs),
-        (
-            "unmodelled",
-            f"{_span(found['pull_n'])} N move location, depth and force (median; worst) of {'; '.join(unmodelled)}",
-        ),
+        *(("" if number else "unmodelled", sentence) for number, sentence in enumerate(unmodelled)),
         (
             "modelled",
             f"a signal map with the pull as unknown: location within {with_pull['location_mm'][0]:.2g} mm in place of "

@@ -182,12 +182,12 @@ def _written(
 def _added(
     one: _More, pad: Pad, folder: Path, score: ContinuityScore, seed: int, on_step: OnStep
 ) -> dict[str, Any]:
-    """Compute and write figures beside the verdict; if the models do not cover them, return only the reason."""
+    """Compute and write figures beside the verdict; if models or learners refuse, return only the reason."""
     if score.readout is None:
         return {"refused": "the models give no verdict on this design"}
     try:
         found: dict[str, Any] = one.score(pad, seed=seed, on_step=on_step).to_json()
-    except ModelScopeError as err:
+    except (InputError, ModelScopeError) as err:
         return {"refused": str(err)}
     write_text_atomically(folder / "sims" / one.file, json.dumps(found, indent=2) + "\n")
     return found

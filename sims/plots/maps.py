@@ -90,8 +90,8 @@ LABELS = {
 }
 MOST_NUMBERED = 13
 """Largest number of locations along a side for which cells show numbers."""
-FINE = 160
-"""Points along a side of a map whose locations are not in rows and columns."""
+FINE, MOST_WRITTEN = 160, 50
+"""Points along a side of a map whose locations are not in rows and columns, and most locations with numbers."""
 FEW, LETTERS = 7, ((7.0, 4.6), (8.0, 5.5))
 """Number of locations along a side up to which numbers are large, and the font sizes of large and small numbers, first
 in a panel of a sheet and then in a large map [points]."""
@@ -159,27 +159,33 @@ def plot_pull_sheet(
 ) -> Figure:
     """Least standard deviation (place, depth) of a sideways force [N] at locations (place, 2), a map for each depth.
 
-    Each point of the workspace has the value of the nearest location.
+    Each point has the value of the nearest location.
     """
-    cavity, space = draft.cavity, draft.workspace
+    cavity = draft.cavity
     figure, panels = map_sheet(cavity, [f"{depth:.3g} mm deep" for depth in depth_mm], PANEL_IN)
-    x, y = (
-        np.linspace(low, high, FINE) for low, high in zip(space.box_mm[:2], space.box_mm[2:], strict=True)
-    )
+    half = 0.5 * float(np.sort(np.linalg.norm(places_mm[:, None] - places_mm, axis=2), axis=1)[:, 1].mean())
+    x, y = (np.linspace(one.min() - half, one.max() + half, FINE) for one in places_mm.T)
     across, along = np.meshgrid(x, y)
     away = np.hypot(across[..., None] - places_mm[:, 0], along[..., None] - places_mm[:, 1])
-    norm = _log_scale(least_n)
+    nearest = np.where(away.min(axis=2) <= 1.5 * half, away.argmin(axis=2), len(places_mm))
+    norm = Normalize(0.0, float(np.nanmax(least_n, initial=0.0)) or 1.0)
     for values, ax in zip(least_n.T, panels, strict=True):
-        mesh = ax.pcolormesh(
-            x,
-            y,
-            np.ma.masked_invalid(values[away.argmin(axis=2)]),
-            cmap=CHANGE_COLOURS,
-            norm=norm,
-            rasterized=True,
-        )
-        mesh.set_clip_path(workspace_patch(space, transform=ax.transData))
+        cells = np.ma.masked_invalid(np.append(values, np.nan)[nearest])
+        mesh = ax.pcolormesh(x, y, cells, cmap=CHANGE_COLOURS, norm=norm, rasterized=True)
+        clip_to_pad(mesh, ax, cavity)
         _draw_pad(ax, cavity, is_large=False)
+        for at, value in zip(places_mm if len(places_mm) <= MOST_WRITTEN else (), values, strict=False):
+            if np.isfinite(value):
+                ink = _ink_on(CHANGE_COLOURS(float(norm(value))))
+                ax.text(
+                    float(at[0]),
+                    float(at[1]),
+                    _number(float(value)),
+                    ha="center",
+                    va="center",
+                    fontsize=LETTERS[0][1],
+                    color=ink,
+                )
     add_scale(figure, panels, "least sideways force, one frame [N]", CHANGE_COLOURS, norm)
     return figure
 

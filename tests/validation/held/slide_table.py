@@ -148,7 +148,7 @@ def refused(truth: Slid) -> list[str]:
     return [*first, f"{truth.force:.3f}", "refused", f"{truth.pull:.3f}", *[""] * (len(HEAD) - 8)]
 
 
-HEAD = ["object", "depth mm", "friction", "shear mm", "line", "force/E", "model %", "pull/E", "model %"]
+HEAD = ["object", "depth mm", "friction", "shear mm", "line", "force/E", "force %", "pull/E", "pull %"]
 HEAD += ["slips %: solved, model", "ends of the contact µm", "top beside the contact: rms, largest µm"]
 HEAD += ["% of the depth", "largest behind; at; in front µm", "meshes: pull %, top µm"]
 
