@@ -64,7 +64,7 @@ PRESS_S = 5.0
 """Time from one press to the next [s], for the drift within a set; as on a stage."""
 WINDOW = 16
 """Presses whose deformed tops are held in memory at a time; a top has 0.3 to 1 MB."""
-NEEDED = "the columns x_mm, y_mm, and depth_mm or force_n; shear_x_mm, shear_y_mm, object, its keys and role are optional"
+NEEDED = "the columns x_mm, y_mm, and depth_mm or force_n; shear_x_mm, shear_y_mm, object, its keys, role are optional"
 GIVEN_BY_LIST = ("x", "y", "depth")
 """Keys of an object that a list has columns for."""
 MOST_NOTES = 3

@@ -107,6 +107,7 @@ def touch_message(touch: Touch, frame_id: str) -> dict[str, Any]:
         "depth": depth * M_PER_MM,
         "force": math.nan if touch.force_n is None else touch.force_n,
         "force_deviation": touch.force_sigma_n,
+        "slip": _vector((*touch.slip_mm_s, 0.0), M_PER_MM),
         "drift": touch.drift.drift,
         "is_drift_held": touch.drift.is_held,
         "is_gain_like": touch.drift.is_gain_like,

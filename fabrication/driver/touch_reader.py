@@ -29,6 +29,7 @@ from optopad.fabrication.driver.drift import (
 )
 from optopad.fabrication.driver.link.frames import US_PER_S, Frame
 from optopad.fabrication.driver.sensor import BASELINE_S, Sensor
+from optopad.fabrication.driver.slip import NO_SLIP, SlipDetector
 from optopad.sims.learning.inference.header import ModelHeader, require_design
 from optopad.sims.learning.inference.touch_model import Prediction, TouchModel
 
@@ -58,6 +59,8 @@ class Touch:
     force_n : force from the model's force curve [N]; 0 if untouched; None if the model has no such curve
     force_sigma_n : standard deviation of the force [N]; NaN if untouched or unknown. It includes that of the depth and,
         if the modulus was fitted to a load cell, that of the modulus
+    is_slipping : whether the touch moves sideways at more than 2 mm/s
+    slip_mm_s : speed of this movement along x and y [mm/s]; 0 unless it slips
     drift : the drift tracker's result for the frame
     latency_ms : time from the frame's arrival on this computer to this prediction [ms]
     """
@@ -71,11 +74,13 @@ class Touch:
     sigma_mm: FloatArray
     force_n: float | None
     force_sigma_n: float
+    is_slipping: bool
+    slip_mm_s: FloatArray
     drift: DriftState
     latency_ms: float
 
     def __str__(self) -> str:
-        """One line: location and depth [mm], force [N] if known, each with its uncertainty; the score; a note."""
+        """One line: location and depth [mm], force [N] if known, each with its uncertainty; slip, score and note."""
         where = "untouched"
         if self.is_touched:
             parts = [
@@ -84,6 +89,8 @@ class Touch:
             ]
             if self.force_n is not None:
                 parts.append(f"force {with_sigma(self.force_n, self.force_sigma_n, 'N')}")
+            if self.is_slipping:
+                parts.append(f"slips at {math.hypot(*self.slip_mm_s):.0f} mm/s")
             where = f"touched   {', '.join(parts)}"
         return f"{where}, score {self.touch_score:+.2f}{'; ' * bool(self.note)}{self.note}"
 
@@ -138,6 +145,7 @@ class TouchReader:
         self._times_s = time_constant_s, guard_s
         self._start_s = start_s
         self._tracker: DriftTracker | None = None
+        self._slips: SlipDetector | None = None
         self._last: Frame | None = None
 
     def __iter__(self) -> Iterator[Touch]:
@@ -171,13 +179,15 @@ class TouchReader:
         """Measure the untouched signals again; the pad must be untouched."""
         frames = self.sensor.new_frames(self._start_s, least=4 * LEAST_START_FRAMES)
         tau_s, guard_s = self._times_s
+        start = np.array([frame.signals for frame in frames], dtype=np.float64)
         self._tracker = DriftTracker(
-            np.array([frame.signals for frame in frames], dtype=np.float64),
+            start,
             self.model.header.untouched_counts,
             time_constant_s=tau_s,
             guard_s=guard_s,
             full_scale=float(self.sensor.descriptor.full_scale),
         )
+        self._slips = SlipDetector(self.model, self._tracker.features(start.reshape(len(start), -1)))
         self._last = frames[-1]
 
     @property
@@ -194,13 +204,28 @@ class TouchReader:
 
     def _answered(self, frames: list[Frame]) -> list[Touch]:
         signals = np.array([frame.signals for frame in frames], dtype=np.float64).reshape(len(frames), -1)
-        found = self.model.predict(self.tracker.features(signals))
-        return [self._touch(frame, signals[k], found, k) for k, frame in enumerate(frames)]
+        features = self.tracker.features(signals)
+        found = self.model.predict(features)
+        assert self._slips is not None
+        seen, slopes = self._slips.seen(features, found)
+        return [
+            self._touch(frame, signals[k], found, k, seen[k], slopes[k]) for k, frame in enumerate(frames)
+        ]
 
-    def _touch(self, frame: Frame, signals: FloatArray, found: Prediction, k: int) -> Touch:
-        tracker, last = self.tracker, self._last
+    def _touch(
+        self,
+        frame: Frame,
+        signals: FloatArray,
+        found: Prediction,
+        k: int,
+        seen: FloatArray,
+        slopes: FloatArray,
+    ) -> Touch:
+        tracker, slips, last = self.tracker, self._slips, self._last
+        assert slips is not None
         if last is None or frame.connection != last.connection or frame.device_us < last.device_us:
             tracker.restart()
+            slips.forget()
         self._last = frame
         says_touch = bool(found.is_touched[k])
         state = tracker.follow(frame.device_us / US_PER_S, signals, says_touch)
@@ -209,6 +234,11 @@ class TouchReader:
             one[k] if is_touched else np.full(3, np.nan) for one in (found.press_mm, found.sigma_mm)
         )
         point_mm, normal = self._on_top(press_mm)
+        if is_touched:
+            slip = slips.follow(frame.device_us / US_PER_S, seen, slopes)
+        else:
+            slip = NO_SLIP
+            slips.forget()
         return Touch(
             frame=frame,
             is_touched=is_touched,
@@ -219,6 +249,8 @@ class TouchReader:
             sigma_mm=sigma_mm,
             force_n=None if found.force_n is None else float(found.force_n[k]) * is_touched,
             force_sigma_n=self._force_sigma_n(found, k) if is_touched else math.nan,
+            is_slipping=slip.is_slipping,
+            slip_mm_s=slip.slip_mm_s,
             drift=state,
             latency_ms=1e3 * (time.time() - frame.host_s),
         )

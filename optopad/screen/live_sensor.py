@@ -224,6 +224,8 @@ def touch_json(touch: Touch, digits: int = 4) -> dict[str, Any]:
         "sigma_mm": _plain(touch.sigma_mm, digits) if told else None,
         "force_n": None if touch.force_n is None else round(touch.force_n, digits),
         "force_sigma_n": round(touch.force_sigma_n, digits) if math.isfinite(touch.force_sigma_n) else None,
+        "slipping": touch.is_slipping,
+        "slip_mm_s": _plain(touch.slip_mm_s, digits) if told else None,
         "drift": round(drift.drift, 6),
         "drift_held": drift.is_held,
         "gain_steps": drift.gain_steps,
@@ -286,6 +288,7 @@ def _rows(touch: Touch) -> list[tuple[str, str]]:
     ]
     force = "not known" if touch.force_n is None else with_sigma(touch.force_n, touch.force_sigma_n, "N")
     rows.append(("force", "-" if touch.force_n is not None and not told else force))
+    rows.append(("slip", f"{math.hypot(*touch.slip_mm_s):.0f} mm/s" if touch.is_slipping else "-"))
     rows.append(("drift", f"{round(drift.drift, 4) + 0.0:+.2%}{', held' if drift.is_held else ', followed'}"))
     rows.append(("gain steps", str(drift.gain_steps)))
     rows.append(("delay", f"{touch.latency_ms:.1f} ms"))

@@ -178,7 +178,13 @@ def plot_pull_sheet(
             if np.isfinite(value):
                 ink = _ink_on(CHANGE_COLOURS(float(norm(value))))
                 ax.text(
-                    *at, _number(float(value)), ha="center", va="center", fontsize=LETTERS[0][1], color=ink
+                    float(at[0]),
+                    float(at[1]),
+                    _number(float(value)),
+                    ha="center",
+                    va="center",
+                    fontsize=LETTERS[0][1],
+                    color=ink,
                 )
     add_scale(figure, panels, "least sideways force, one frame [N]", CHANGE_COLOURS, norm)
     return figure

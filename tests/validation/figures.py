@@ -28,6 +28,7 @@ PARTS = (
     figures_of_models.contact,
     figures_of_models.walls,
     figures_of_models.objects,
+    figures_of_models.sideways,
     figures_of_models.light,
     figures_of_models.renderer,
     figures_of_uses.paper,

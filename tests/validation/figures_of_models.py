@@ -150,6 +150,23 @@ def objects() -> Iterator[Figure]:
     yield made(page, "objects.sum", max(shallow), ".2f")
 
 
+def sideways() -> Iterator[Figure]:
+    """Contact and light of sideways loads."""
+    page = "docs/validation/shear.md"
+    depth, mirror = "% of the depth", "opposite motion, turned by 180°, against it: rms, largest %"
+    rows = [row for row in table(page, "object", "pull/E") if row["force %"] != "refused"]
+    moved = [row for row in rows if number(row["shear mm"]) > 0.0]
+    for name in ("long cylinder", "ball"):
+        kept = [row for row in moved if row["object"].startswith(name)]
+        figure = f"shear.{name.split()[-1]}"
+        yield made(page, f"{figure}.force", max(map(abs, column(kept, "force %"))), ".1f")
+        yield made(page, f"{figure}.pull", max(map(abs, column(kept, "pull %"))), ".0f")
+        yield made(page, f"{figure}.top", max(column(kept, depth)), ".1f")
+    rows = table(page, "depth mm", mirror)
+    yield made(page, "shear.mirror", max(column(rows, mirror)), ".2f")
+    yield made(page, "shear.stated", max(column(rows, "stated: rms %")), ".2f")
+
+
 def light() -> Iterator[Figure]:
     """Light of a press, against a converged reference and against other tracers."""
     page = "docs/validation/light.csv"

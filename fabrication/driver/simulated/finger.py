@@ -22,6 +22,10 @@ HOVER_MM = -1.0
 """Depth of a lifted finger [mm]; at a depth of 0 or less, the pad is untouched."""
 
 
+DRAG_MM = 0.4
+"""Distance by which the demonstration's finger drags the pad's surface along before it slides [mm]."""
+
+
 class Finger(Protocol):
     """Interface of an object that presses the simulated pad."""
 
@@ -61,7 +65,8 @@ NO_FINGER = FingerPath(time_s=np.zeros(1), press_mm=np.array([[0.0, 0.0, HOVER_M
 def demo_path(workspace: WorkspaceLimits, rest_s: float = 2.0) -> FingerPath:
     """A path for demonstrations: rest, deepest presses in the middle and near the corners, a stroke across the pad.
 
-    The path takes 14 s plus `rest_s`.
+    The path takes 15 s plus `rest_s`. Before the stroke the finger is held and drags the pad's surface along slowly,
+    as an object that sticks; then it slides.
 
     Parameters
     ----------
@@ -74,12 +79,15 @@ def demo_path(workspace: WorkspaceLimits, rest_s: float = 2.0) -> FingerPath:
     for k, (u, v) in enumerate(places):
         begun = rest_s + 2.0 * k
         steps += [(begun + 0.4, u, v, HOVER_MM), (begun + 1.2, u, v, deep), (begun + 1.9, u, v, HOVER_MM)]
-    stroke = rest_s + 2.0 * len(places)
-    steps += [(stroke + 0.4, 0.1, 0.5, HOVER_MM), (stroke + 0.9, 0.1, 0.5, deep / 3)]
+    stroke, dragged = rest_s + 2.0 * len(places), 0.1 + DRAG_MM / (x1 - x0)
     steps += [
-        (stroke + 3.4, 0.9, 0.5, deep / 3),
-        (stroke + 3.9, 0.9, 0.5, HOVER_MM),
-        (stroke + 4.0, 0.5, 0.5, HOVER_MM),
+        (stroke + 0.4, 0.1, 0.5, HOVER_MM),
+        (stroke + 0.9, 0.1, 0.5, deep / 3),
+        (stroke + 1.4, 0.1, 0.5, deep / 3),
+        (stroke + 1.9, dragged, 0.5, deep / 3),
+        (stroke + 4.4, 0.9, 0.5, deep / 3),
+        (stroke + 4.9, 0.9, 0.5, HOVER_MM),
+        (stroke + 5.0, 0.5, 0.5, HOVER_MM),
     ]
     rows = np.array(steps)
     x_mm, y_mm = x0 + rows[:, 1] * (x1 - x0), y0 + rows[:, 2] * (y1 - y0)

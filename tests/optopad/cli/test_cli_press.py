@@ -51,8 +51,22 @@ def test_a_file_of_objects_and_a_force(folder, capsys):
     assert document["depth_mm"] < 0.5
 
 
+def test_an_object_is_pulled_sideways(folder, capsys):
+    ball = ("--object", "sphere,radius=1.5,friction=0.5", "--force", "1N", "--pull", "0.3,0")
+    assert main(["press", STADIUM, *ball, "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["force_n"] == pytest.approx(1.0, rel=5e-3)
+    assert document["pull_n"] == pytest.approx([0.3, 0.0], abs=2e-3)
+    assert 0.0 < document["shear_mm"][0] < 0.5
+    assert 0.0 < document["slip_share"] < 1.0
+    assert main(["press", STADIUM, *ball[:-1], "0.6,0"]) == 2
+    assert says(capsys.readouterr().err, "more than friction holds")
+
+
 def test_a_list_becomes_a_data_set(folder, capsys):
-    (folder / "presses.csv").write_text("x_mm,y_mm,depth_mm,object\n12,7,0.4,sphere;radius=1.5\n")
+    (folder / "presses.csv").write_text(
+        "x_mm,y_mm,depth_mm,shear_x_mm,object\n12,7,0.4,0.05,sphere;radius=1.5\n"
+    )
     assert main(["press", STADIUM, "--list", "presses.csv", "--json"]) == 0
     assert Path(json.loads(capsys.readouterr().out)["file"]).is_file()
 
@@ -65,6 +79,14 @@ REFUSED = [
     (("--depth", "-1"), "give 0 or more"),
     (("--object", "sphere,x=8,y=6", "--at", "12,7"), "x or y of its own"),
     (("--object", "cylinder,radius=1e9"), "radius"),
+    (("--object", "sphere,friction=-0.1"), "friction=-0.1 is refused: must be at least 0"),
+    (("--object", "sphere,friction=3.5"), "friction=3.5 is refused: must be at most 3"),
+    (("--object", "sphere,friction=0.5mm"), "must be a number without unit"),
+    (("--shear", "0.1"), "write X,Y in millimetres, as 0.3,0"),
+    (("--pull", "1,inf"), "two finite numbers of newtons"),
+    (("--shear", "0.1,0", "--pull", "0.1,0"), "does not go with --pull"),
+    (("--shear", "20,0"), "outside the workspace"),
+    (("--depth", "0", "--shear", "0.1,0"), "do not touch the pad, so nothing holds them"),
     (("--object", "none.toml"), "none.toml"),
     (("--list", "none.csv"), "none.csv"),
     (("--list", "presses.csv", "--depth", "1"), "does not go with --list"),

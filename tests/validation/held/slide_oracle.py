@@ -40,6 +40,8 @@ class Slide(Continuation):
     shear : how far the object has moved along x
     past : the last state with friction
     work : work of the object on the pad along x since the press
+    way : last step along x
+    drift : change of the state over the way of the last step
     """
 
     friction = 0.0
@@ -54,7 +56,8 @@ class Slide(Continuation):
 
     def __init__(self, solid: Solid, top: ContactSurface, fixed: IntArray, held: IntArray) -> None:
         super().__init__(solid, top, fixed, held)
-        self.shear = self.work = 0.0
+        self.shear = self.work = self.way = 0.0
+        self.drift = np.zeros_like(self.state)
         self.remember()
 
     def place(self, depth: float) -> FloatArray:
@@ -97,19 +100,22 @@ class Slide(Continuation):
 
     def slide(self, to: float) -> None:
         """Move the object along x, at its depth."""
-        step, slope = self.shear_step, self._stuck(float(np.sign(to - self.shear)))
+        step, sign = self.shear_step, float(np.sign(to - self.shear))
+        if sign * self.way <= 0.0 and sign != 0.0:
+            self.drift = self._stuck(sign)
         while abs(to - self.shear) > 1e-12:
             here, pull = self.shear, self.forces()[0]
             share = min(step, abs(to - here))
-            self.shear = here + np.sign(to - here) * share
+            self.shear = here + sign * share
             try:
-                state, count = self._solve(self.state + share * slope, self.depth, self.penalty, MOST_ROUNDS)
+                guess = self.state + share * self.drift
+                state, count = self._solve(guess, self.depth, self.penalty, MOST_ROUNDS)
             except RuntimeError:
                 self.shear, step = here, 0.5 * share
                 if step < 1e-3 * self.shear_step:
                     raise OracleError(f"shear {here:g}: no state found") from None
                 continue
-            slope, self.state = (state - self.state) / share, state
+            self.drift, self.state, self.way = (state - self.state) / share, state, self.shear - here
             self.kept()
             self.work += 0.5 * (pull + self.forces()[0]) * (self.shear - here)
             step = min(self.shear_step, share * (1.5 if count <= 8 else 0.8))

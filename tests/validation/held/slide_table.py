@@ -1,7 +1,7 @@
 """Sideways loads of the model against those with finite strains and friction, `slide.csv`.
 
-    python -m tests.validation.held.slide_table              all rows
-    python -m tests.validation.held.slide_table CASE ...     those whose case begins so
+    python -m tests.validation.held.slide_table              all tables of docs/validation/shear.md
+    python -m tests.validation.held.slide_table light        one
 
 Long objects lie in the long pad of `object_table`; their forces are those of the middle section. The ball is pressed
 into the middle of the paper's pad. Heights are compared at fixed places, in three parts: behind the contact, in it and
@@ -15,18 +15,23 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from itertools import groupby, pairwise
+from pathlib import Path
 from unittest.mock import patch
 
 import numpy as np
+from scipy.spatial.distance import cdist
 
 from optopad.design.arrays import FloatArray
+from optopad.design.draft import Draft
 from optopad.design.errors import ModelScopeError
+from optopad.design.held_object import held_of
 from optopad.design.preset import preset
 from optopad.sims.contact.held import press as model
 from optopad.sims.contact.held.press import touched
 from optopad.sims.contact.held.slide import STEP_MM, Slide
 from optopad.sims.contact.scope import contact_of
-from tests.validation.contact.contact_table import markdown_table
+from optopad.sims.held import AskedPress, held_light, pressed, slid_presses
+from tests.validation.contact.contact_table import markdown_table, with_table
 from tests.validation.held.object_table import (
     END_MM,
     LENGTH_MM,
@@ -35,7 +40,9 @@ from tests.validation.held.object_table import (
     STRAIGHT_MM,
     Line,
     long_pad,
+    rms,
     section_mm,
+    size,
 )
 from tests.validation.held.plane_cases import PlaneCase
 from tests.validation.held.slide_truth import CASES, PLACES_MM, SHEARS_MM, Slid, read_slides
@@ -141,16 +148,17 @@ def refused(truth: Slid) -> list[str]:
     return [*first, f"{truth.force:.3f}", "refused", f"{truth.pull:.3f}", *[""] * (len(HEAD) - 8)]
 
 
-HEAD = ["object", "depth mm", "friction", "shear mm", "line", "force/E", "model %", "pull/E", "model %"]
+HEAD = ["object", "depth mm", "friction", "shear mm", "line", "force/E", "force %", "pull/E", "pull %"]
 HEAD += ["slips %: solved, model", "ends of the contact µm", "top beside the contact: rms, largest µm"]
 HEAD += ["% of the depth", "largest behind; at; in front µm", "meshes: pull %, top µm"]
 
 
-def table(begins: list[str]) -> str:
+def contact() -> str:
     """A row for each stored line that was solved on a fine mesh."""
-    rows = [row for row in read_slides() if row.case.startswith(tuple(begins))]
     body = []
-    for (name, depth, friction), group in groupby(rows, lambda row: (row.case, row.depth_mm, row.friction)):
+    for (name, depth, friction), group in groupby(
+        read_slides(), lambda row: (row.case, row.depth_mm, row.friction)
+    ):
         states = modelled(name, depth, friction)
         kept = {(row.mesh, row.shear_mm, row.line): row for row in group}
         for (mesh, shear, line), row in kept.items():
@@ -164,5 +172,66 @@ def table(begins: list[str]) -> str:
     return markdown_table(HEAD, body)
 
 
+LIGHT_SHEARS_MM = (0.1, 0.3, 0.5)
+BALL = "sphere,radius=3,friction="
+
+
+def light() -> str:
+    """Changes of light by a sideways motion, and by how much that of the opposite motion is not its image."""
+    draft = Draft.of(preset(PAD))
+    image = []
+    for parts in (draft.cavity.emitters, draft.cavity.receivers):
+        at = np.array([part.position_mm[:2] for part in parts]) - MIDDLE
+        image.append(cdist(-at, at).argmin(axis=1))
+    body = []
+    for depth in (1.0, 2.0):
+        asked = [
+            AskedPress(held=(held_of(f"{BALL}{friction:g}"),), at_mm=MIDDLE, depth_mm=depth)
+            for friction in (0.0, 0.8)
+        ]
+        path = np.outer(LIGHT_SHEARS_MM, (1.0, 0.0))
+        slides = [slid_presses(draft, one, sign * path) for one in asked for sign in (1.0, -1.0)]
+        presses = [pressed(draft, asked[0]), *(one for slide in slides for one in slide)]
+        found = held_light(draft, presses, accuracy="score")
+        flux = found.flux / found.untouched
+        error = (found.error / found.untouched)[1:].reshape(4, len(LIGHT_SHEARS_MM), *flux.shape[1:])
+        change = (flux[1:] - flux[0]).reshape(error.shape)
+        mirrored = change[:, :, image[0]][:, :, :, image[1]]
+        stated = np.hypot(error[2], error[3][:, image[0]][:, :, image[1]])
+        for k, shear in enumerate(LIGHT_SHEARS_MM):
+            drawn = 100.0 * np.sqrt(np.mean((change[2, k] - change[0, k]) ** 2))
+            body.append(
+                [
+                    f"{depth:g}",
+                    f"{shear:g}",
+                    f"{np.hypot(*slides[2][k].pull_n):.2f}",
+                    size(change[2, k]),
+                    f"{drawn:.2f}",
+                    size(mirrored[3, k] - change[2, k]),
+                    rms(stated[k]),
+                ]
+            )
+    return markdown_table(LIGHT_HEAD, body)
+
+
+LIGHT_HEAD = ["depth mm", "shear mm", "pull N", "change by the motion: rms, largest %"]
+LIGHT_HEAD += [
+    "of it by friction: rms %",
+    "opposite motion, turned by 180°, against it: rms, largest %",
+    "stated: rms %",
+]
+TABLES = {"contact": contact, "light": light}
+PAGE = Path(__file__).parents[3] / "docs" / "validation" / "shear.md"
+
+
+def main(names: list[str]) -> None:
+    """Write tables of the page."""
+    for name in names:
+        text = TABLES[name]()
+        print(text, flush=True)
+        marks = f"<!-- made by tests/validation/held/slide_table.py: {name} -->", f"<!-- end of {name} -->"
+        PAGE.write_text(with_table(PAGE.read_text(encoding="utf-8"), text, marks), encoding="utf-8")
+
+
 if __name__ == "__main__":
-    print(table(sys.argv[1:] or [""]))
+    main(sys.argv[1:] or list(TABLES))

@@ -1,6 +1,6 @@
 """What a pad keeps of a press, and what follows for touch and driver: docs/validation/memory.md.
 
-    python -m tests.validation.learning.memory_table          (light of two quick predictions, then four minutes)
+    python -m tests.validation.learning.memory_table          (light of two quick predictions, then eight minutes)
 
 `remodel_residue.csv` and `remodel_loops.csv` have figures of the REMODEL recordings (Vanvitelli-Robotics/REMODEL,
 commit 23dc0f1, folder 04_DATA/01_SingleTaxel). They are computed from the files `*_step_01sec.mat` (press, 20 s hold,
@@ -211,11 +211,11 @@ HEAD = """\
 **Question.** A silicone comes back slowly. How much of a press is left in the signals after the release, and what does
 it do to the next touch and to the driver's zero?
 
-**Answer.** Recordings of another silicone keep {least:.1f} to {most:.1f} % of a press at 0.5 s, and {late_least:.1f}
-to {late_most:.1f} % at 6 s. The law r / (1 + t / T) fits them within {misfit:.0f} %, in the median. With r = 0.04 and
-T = 1 s, a touch of 0.2 mm is found again {soon:.1f} to {last:.1f} s after the deepest press, by pad and learner. The
-driver reports no false touch after {false:.1f} s. Its untouched signals move by {moved:.2f} % at most, and by
-{noise:.2f} % without a memory.
+**Answer.** Recordings of another silicone keep {least:.1f} to {most:.1f} % of a press at 0.5 s, and {late_least:.1f} to
+{late_most:.1f} % at 6 s. The law r / (1 + t / T) fits them within {misfit:.0f} %, in the median. With r = 0.04 and
+T = 1 s, a touch of 0.2 mm is found again {soon:.1f} to {last:.1f} s after the deepest press, by pad and learner. At the
+worst location the driver reports no false touch after {false:.1f} s. Its untouched signals move by {moved:.2f} % at
+most in the half minute after a release, and by {noise:.2f} % without a memory.
 
 ## Method
 
@@ -251,8 +251,10 @@ MEANING = """\
   own load cell, and keep the memory of light separate.
 - **Light has no loop in the model**, the recordings' signals have one of a few per cent.
 - **A pad that is pressed deep forgets later.** The paper's pad is pressed by 5 mm, `gripper-teensy` by 2.5 mm.
-- **The tracker neither reports the residue nor learns it.** It does not track drift while the residue is as large as a
-  light touch, and moves by little after.
+- **The driver's zero follows it.** False touches come from the model. The tracker neither takes the residue for a
+  change of gain, nor learns it while it is as large as a light touch. What is left then moves the untouched signals by
+  little. Drift is not tracked before.
+- The driver's times are those of the worst location. The times to find a touch again are for all locations together.
 
 Left out: the time of the hold, depth, temperature, presses before the last one, and slow retractions. The three presses
 were all held for 20 s.

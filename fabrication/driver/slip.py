@@ -1,0 +1,199 @@
+"""Finds that a touch moves sideways: an object slips over the pad, or drags the pad's surface along quickly.
+
+The change of the last frames
+-----------------------------
+The last `WINDOW_S` of a touch, and at least three frames, give the rate of change of every signal s by a straight line,
+
+    r = Σ (t - t̄) s / S,    S = Σ (t - t̄)²,    covariance of r by noise alone = ρ C / S
+
+C is the covariance of one frame: independent noise of every pair as in the untouched frames at the start, and unknown
+gains of emitters and receivers (`optopad.sims.learning.inference.signal_map`). ρ scales it to the scatter of recent
+frames around the line through both neighbours, averaged over `MEMORY_S`. So the noise may depend on the touch.
+
+A press that moves at the speed v = (v_x, v_y, v_depth) changes the signals by r = Jᵀv, with the slopes J of the model's
+signals at the predicted press. Least squares with the depth unknown give the sideways speed and its χ²:
+
+    A = J C⁻¹ Jᵀ,    v = A⁻¹ J C⁻¹ r,    T = S v_xyᵀ [(A⁻¹)_xy]⁻¹ v_xy,    W = S rᵀ C⁻¹ r  (of the whole change)
+
+With noise alone, T / ρ has the χ² distribution with 2 degrees of freedom, so P(T / ρ > h) = exp(-h / 2). The test is a
+likelihood ratio for a change in a sliding window (Willsky and Jones, IEEE Trans. Autom. Control 21 (1976), 108-112;
+Lai, J. R. Stat. Soc. B 57 (1995), 613-658).
+
+The decision
+------------
+    slip:    T > h ρ + SIDEWAYS_SHARE W    and    |v_xy| > LEAST_MM_S,    h = 2 ln(frame rate x NOISE_ALARM_S)
+
+Noise alone exceeds h once in `NOISE_ALARM_S` at most. A press that goes deeper, and a release, change the signals by
+far more than noise. Slopes of a model are not exact, so a part of this change resembles a sideways movement. The term
+with W therefore demands that a share of the change is sideways; for steps of gain it does so, too. Slow drift stays
+below the least speed. `docs/validation/slip.md` has the share found, the delay and the false alarms.
+
+A model without slopes (any but a signal map) predicts x, y and depth alone. These replace the signals: J is the unit
+matrix, and the noise follows from the scatter of the predictions.
+
+Left out: whether the surface moves along. An object that sticks and drags the pad's surface along moves the dimple as
+one that slides, so it counts as slipping if it is faster than `LEAST_MM_S`; a slower slide is not found. Also left out
+are the first `WINDOW_S` of a touch, slides during a fast press or release, and turns of the object on its place.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from optopad.design.arrays import FloatArray
+from optopad.fabrication.driver.drift import LEAST_NOISE_COUNTS
+from optopad.sims.learning.inference.signal_map import SignalMapModel, Whitening, whitening
+from optopad.sims.learning.inference.touch_model import Prediction, TouchModel
+
+WINDOW_S = 0.03
+"""Time over which the change of the signals is measured [s]."""
+
+FEWEST_FRAMES = 3
+"""Least number of frames of a window; below 67 frames a second it is longer than `WINDOW_S`."""
+
+LEAST_MM_S = 2.0
+"""Sideways speed above which a movement is a slip [mm/s]."""
+
+SIDEWAYS_SHARE = 0.2
+"""Share of the whole change of the signals that a slip must explain beside depth and gains [-]."""
+
+NOISE_ALARM_S = 3600.0
+"""Least mean time between false alarms by noise alone [s]."""
+
+MEMORY_S, FEWEST_SCATTER = 1.0, 10
+"""Time over which scatter is averaged [s], and number of frames for which the noise at the start counts in it."""
+
+LARGEST_SCATTER = 5.0
+"""Largest scatter of one frame, over the average: a sudden movement scatters, too [-]."""
+
+FREE_GAIN = 0.01
+"""Standard deviation of the gains that are unknown beside the movement, relative [-]."""
+
+FIRST_SIGMA_MM = 0.1
+"""Noise of a prediction that is assumed at first if the model has no slopes [mm]."""
+
+LONGEST_GAP_S = 0.1
+"""Time without a frame after which a touch begins anew [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Slip:
+    """Result for one frame.
+
+    Attributes
+    ----------
+    is_slipping : whether the touch moves sideways
+    slip_mm_s : its speed along x and y [mm/s]; 0 unless it slips
+    """
+
+    is_slipping: bool
+    slip_mm_s: FloatArray
+
+
+NO_SLIP = Slip(is_slipping=False, slip_mm_s=np.zeros(2))
+
+
+class SlipDetector:
+    """Follows the frames of touches, and finds those in which the touch moves sideways.
+
+    Parameters
+    ----------
+    model : model that predicts the touches
+    start : frames of the untouched pad as the model takes them, shape (n, pairs) [counts]
+    """
+
+    def __init__(self, model: TouchModel, start: FloatArray) -> None:
+        self._map = model if isinstance(model, SignalMapModel) else None
+        self._sigma = np.full(3, FIRST_SIGMA_MM)
+        if self._map is not None:
+            self._sigma = np.maximum(start.std(axis=0, ddof=1), LEAST_NOISE_COUNTS)
+            self._gains = replace(self._map.noise, emitter_drift=FREE_GAIN, receiver_drift=FREE_GAIN)
+        self._frames: deque[tuple[float, FloatArray, FloatArray]] = deque()
+        self._since_s = 0.0
+        self._scatter, self._scattered = 1.0, float(FEWEST_SCATTER)
+
+    def seen(self, signals: FloatArray, found: Prediction) -> tuple[FloatArray, FloatArray]:
+        """What is followed of n frames, shape (n, m), and its slopes by x, y and depth, shape (n, 3, m).
+
+        Parameters
+        ----------
+        signals : frames as the model takes them, shape (n, pairs) [counts]
+        found : the model's predictions for them
+        """
+        if self._map is None:
+            return found.press_mm, np.broadcast_to(np.eye(3), (len(signals), 3, 3))
+        return signals, self._map.answers(found.press_mm)[1]
+
+    def forget(self) -> None:
+        """Begin a new touch."""
+        self._frames.clear()
+
+    def follow(self, time_s: float, seen: FloatArray, slopes: FloatArray) -> Slip:
+        """Follow one frame of a touch.
+
+        Parameters
+        ----------
+        time_s : time of the frame by a clock that never goes back, such as the board's [s]
+        seen, slopes : what `seen` returns for this frame, shapes (m,) and (3, m)
+        """
+        frames = self._frames
+        if frames and not 0.0 < time_s - frames[-1][0] < LONGEST_GAP_S:
+            frames.clear()
+        if not frames:
+            self._since_s = time_s
+        frames.append((time_s, seen, slopes))
+        while len(frames) > FEWEST_FRAMES and time_s - frames[0][0] > WINDOW_S:
+            frames.popleft()
+        if len(frames) < FEWEST_FRAMES or time_s - self._since_s < WINDOW_S:
+            return NO_SLIP
+        times_s, signals = np.array([one[0] for one in frames]), np.array([one[1] for one in frames])
+        noise = self._noise(signals.mean(axis=0))
+        self._follow_scatter(times_s[-3:], signals[-3:], noise)
+        centred = times_s - times_s.mean()
+        square = float(centred @ centred)
+        speed, sideways, whole = movement(
+            centred @ signals / square, np.mean([one[2] for one in frames], axis=0), noise
+        )
+        frame_hz = (len(frames) - 1) / (time_s - times_s[0])
+        least = 2.0 * math.log(frame_hz * NOISE_ALARM_S) * self._scatter / square + SIDEWAYS_SHARE * whole
+        if sideways <= least or math.hypot(*speed) <= LEAST_MM_S:
+            return NO_SLIP
+        return Slip(is_slipping=True, slip_mm_s=speed)
+
+    def _noise(self, signals: FloatArray) -> Whitening:
+        gains = (
+            np.zeros((1, 1, len(signals))) if self._map is None else self._gains.gain_columns(signals[None])
+        )
+        return whitening(1.0 / self._sigma[None] ** 2, gains)
+
+    def _follow_scatter(self, times_s: FloatArray, signals: FloatArray, noise: Whitening) -> None:
+        """Follow ρ, from three frames: the middle one's distance from the line between the others."""
+        last = (times_s[1] - times_s[0]) / (times_s[2] - times_s[0])
+        weights = np.array([last - 1.0, 1.0, -last])
+        square = float(noise.square((weights @ signals)[None])[0])
+        found = square / (float(weights @ weights) * signals.shape[1])
+        most = max(MEMORY_S / (times_s[2] - times_s[1]), FEWEST_SCATTER)
+        self._scattered = min(self._scattered + 1.0, most)
+        self._scatter += (min(found, LARGEST_SCATTER * self._scatter) - self._scatter) / self._scattered
+
+
+def movement(rate: FloatArray, slopes: FloatArray, noise: Whitening) -> tuple[FloatArray, float, float]:
+    """Sideways speed v_xy (2,) [mm/s], T / S and W / S of the module's equations [1/s²].
+
+    Parameters
+    ----------
+    rate : r, rates of change of the signals, shape (m,) [counts/s]
+    slopes : J, slopes of the signals by x, y and depth, shape (3, m) [counts/mm]
+    noise : C⁻¹ of one frame
+    """
+    both = np.concatenate([slopes, rate[None]])
+    shared = both @ noise.shared[0].T
+    products = (both * noise.weight[0]) @ both.T - shared @ shared.T
+    matrix = products[:3, :3] + 1e-9 * (1e-9 + np.trace(products[:3, :3])) * np.eye(3)
+    speed = np.linalg.solve(matrix, products[:3, 3])[:2]
+    known = matrix[:2, :2] - np.outer(matrix[:2, 2], matrix[:2, 2]) / matrix[2, 2]
+    return speed, float(speed @ known @ speed), float(products[3, 3])
