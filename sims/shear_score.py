@@ -30,7 +30,8 @@ of the ball as it is now, not where it was pressed. Where a state has another pu
 The map with a pull
 -------------------
 The same signal map with two more unknowns (`optopad.sims.learning.shear_map`) is compared with it on noisy frames of
-random locations, depths and pulls, whose contact and light are computed there, with another seed.
+random locations, depths and pulls, whose contact and light are computed there, with another seed. Its prior for each
+component of the pull has a standard deviation of half the pull of the states, about that of the random ones.
 
 The model leaves out ageing of the contact, the history of a motion with turns, and all that `contact.held.slide` does.
 """
@@ -649,7 +650,7 @@ def _map_errors(
     assert isinstance(plain, SignalMapModel)
     maps = {
         SIGNAL_MAP: lambda signals: np.pad(plain.found(signals).press_mm, ((0, 0), (0, 2))),
-        AS_MAP: ShearMap(ball=plain, light=states.light(), most_n=2.0 * float(states.pull_n.max())).found,
+        AS_MAP: ShearMap(ball=plain, light=states.light(), usual_n=0.5 * float(states.pull_n.max())).found,
     }
     rows = []
     for is_pulled in (False, True):
