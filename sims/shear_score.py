@@ -557,7 +557,7 @@ def _bounds(sensor: _Sensor, states: _States, seed: int, tell: OnStep) -> dict[s
         states.places.computed_mm,
         states.depth_mm,
         sensor.readout,
-        accuracies=BOUND_ACCURACIES[:1],
+        accuracies=BOUND_ACCURACIES,
         seed=seed,
         steps=Steps(),
         on_step=lambda share: tell("bounds", share),
