@@ -212,7 +212,7 @@ class _Places:
         return np.take_along_axis(values[self.source], self.ways[:, None, :], axis=2)
 
 
-def _places(draft: Draft, inset_mm: float, pitch_mm: float = PITCH_MM) -> _Places:
+def _places(draft: Draft, inset_mm: float, pitch_mm: float) -> _Places:
     """Locations about a pitch apart along x and y, an inset within the workspace; fewer if they are too many."""
     inner = _inner(draft, inset_mm)
     x, y = (
@@ -432,7 +432,7 @@ def _solved(draft: Draft, ball: HeldObject, seed: int, tell: OnStep) -> _States:
         try:
             depth_mm = share * np.minimum(np.array(DEPTHS) * radius, deepest * np.array(DEPTHS) / DEPTHS[-1])
             pull_n, shear_mm = _pulls(draft, ball, depth_mm)
-            places = _places(draft, _inset_mm(shear_mm))
+            places = _places(draft, _inset_mm(shear_mm), PITCH_MM)
             found = _contacts(draft, ball, places.computed_mm, depth_mm, shear_mm, tell)
         except ModelScopeError:
             share *= SHALLOWER
