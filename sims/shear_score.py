@@ -30,7 +30,8 @@ of the ball as it is now, not where it was pressed. Where a state has another pu
 The map with a pull
 -------------------
 The same signal map with two more unknowns (`optopad.sims.learning.shear_map`) is compared with it on noisy frames of
-random locations, depths and pulls, whose contact and light are computed there, with another seed.
+random locations, depths and pulls, whose contact and light are computed there, with another seed. Its prior for each
+component of the pull has a standard deviation of half the pull of the states, about that of the random ones.
 
 The model leaves out ageing of the contact, the history of a motion with turns, and all that `contact.held.slide` does.
 """
@@ -211,7 +212,7 @@ class _Places:
         return np.take_along_axis(values[self.source], self.ways[:, None, :], axis=2)
 
 
-def _places(draft: Draft, inset_mm: float, pitch_mm: float = PITCH_MM) -> _Places:
+def _places(draft: Draft, inset_mm: float, pitch_mm: float) -> _Places:
     """Locations about a pitch apart along x and y, an inset within the workspace; fewer if they are too many."""
     inner = _inner(draft, inset_mm)
     x, y = (
@@ -431,7 +432,7 @@ def _solved(draft: Draft, ball: HeldObject, seed: int, tell: OnStep) -> _States:
         try:
             depth_mm = share * np.minimum(np.array(DEPTHS) * radius, deepest * np.array(DEPTHS) / DEPTHS[-1])
             pull_n, shear_mm = _pulls(draft, ball, depth_mm)
-            places = _places(draft, _inset_mm(shear_mm))
+            places = _places(draft, _inset_mm(shear_mm), PITCH_MM)
             found = _contacts(draft, ball, places.computed_mm, depth_mm, shear_mm, tell)
         except ModelScopeError:
             share *= SHALLOWER
@@ -556,7 +557,7 @@ def _bounds(sensor: _Sensor, states: _States, seed: int, tell: OnStep) -> dict[s
         states.places.computed_mm,
         states.depth_mm,
         sensor.readout,
-        accuracies=BOUND_ACCURACIES[:1],
+        accuracies=BOUND_ACCURACIES,
         seed=seed,
         steps=Steps(),
         on_step=lambda share: tell("bounds", share),
@@ -649,7 +650,7 @@ def _map_errors(
     assert isinstance(plain, SignalMapModel)
     maps = {
         SIGNAL_MAP: lambda signals: np.pad(plain.found(signals).press_mm, ((0, 0), (0, 2))),
-        AS_MAP: ShearMap(ball=plain, light=states.light(), most_n=2.0 * float(states.pull_n.max())).found,
+        AS_MAP: ShearMap(ball=plain, light=states.light(), usual_n=0.5 * float(states.pull_n.max())).found,
     }
     rows = []
     for is_pulled in (False, True):
