@@ -58,7 +58,7 @@ FEWEST_FRAMES = 3
 LEAST_MM_S = 2.0
 """Sideways speed above which a movement is a slip [mm/s]."""
 
-SIDEWAYS_SHARE = 0.2
+SIDEWAYS_SHARE = 0.25
 """Share of the whole change of the signals that a slip must explain beside depth and gains [-]."""
 
 NOISE_ALARM_S = 3600.0
@@ -75,6 +75,17 @@ FREE_GAIN = 0.01
 
 FIRST_SIGMA_MM = 0.1
 """Noise of a prediction that is assumed at first if the model has no slopes [mm]."""
+
+STILL_MM_S, STILL_SIGMAS = 1.0, 4.0
+"""A touch is still if it is slower than this [mm/s], or if its change is this many deviations above noise at most."""
+
+STRONG = 10.0
+"""Change of the signals, over that of noise, from which on its direction is kept as that of the depth [-]."""
+
+ONSET_S = 0.06
+"""Longest time from the last still frame to the first slipping one [s]."""
+
+TINY = 1e-9
 
 LONGEST_GAP_S = 0.1
 """Time without a frame after which a touch begins anew [s]."""
@@ -114,6 +125,7 @@ class SlipDetector:
             self._gains = replace(self._map.noise, emitter_drift=FREE_GAIN, receiver_drift=FREE_GAIN)
         self._frames: deque[tuple[float, FloatArray, FloatArray]] = deque()
         self._since_s = 0.0
+        self.forget()
         self._scatter, self._scattered = 1.0, float(FEWEST_SCATTER)
 
     def seen(self, signals: FloatArray, found: Prediction) -> tuple[FloatArray, FloatArray]:
@@ -131,6 +143,9 @@ class SlipDetector:
     def forget(self) -> None:
         """Begin a new touch."""
         self._frames.clear()
+        self._still_s, self._slips = -math.inf, False
+        self._way: FloatArray | None = None
+        self._moved: FloatArray | None = None
 
     def follow(self, time_s: float, seen: FloatArray, slopes: FloatArray) -> Slip:
         """Follow one frame of a touch.
@@ -142,7 +157,7 @@ class SlipDetector:
         """
         frames = self._frames
         if frames and not 0.0 < time_s - frames[-1][0] < LONGEST_GAP_S:
-            frames.clear()
+            self.forget()
         if not frames:
             self._since_s = time_s
         frames.append((time_s, seen, slopes))
@@ -154,15 +169,32 @@ class SlipDetector:
         noise = self._noise(signals.mean(axis=0))
         self._follow_scatter(times_s[-3:], signals[-3:], noise)
         centred = times_s - times_s.mean()
-        square = float(centred @ centred)
-        speed, sideways, whole = movement(
-            centred @ signals / square, np.mean([one[2] for one in frames], axis=0), noise
-        )
-        frame_hz = (len(frames) - 1) / (time_s - times_s[0])
-        least = 2.0 * math.log(frame_hz * NOISE_ALARM_S) * self._scatter / square + SIDEWAYS_SHARE * whole
-        if sideways <= least or math.hypot(*speed) <= LEAST_MM_S:
+        rate = centred @ signals / float(centred @ centred)
+        known = np.mean([one[2] for one in frames], axis=0)
+        if self._way is not None:
+            known = np.concatenate([known, self._way[None]])
+        found = movement(rate, known, noise).over(self._scatter / float(centred @ centred))
+        return self._decided(time_s, rate, found, (len(frames) - 1) / (time_s - times_s[0]))
+
+    def _decided(self, time_s: float, rate: FloatArray, found: Movement, frame_hz: float) -> Slip:
+        pairs = len(rate)
+        least = 2.0 * math.log(frame_hz * NOISE_ALARM_S)
+        is_noise = found.whole < pairs + STILL_SIGMAS * math.sqrt(2.0 * pairs) and found.sideways < least
+        if is_noise or float(np.abs(found.speed_mm_s).max()) < STILL_MM_S:
+            self._still_s, self._slips = time_s, False
+            if self._moved is not None:
+                self._way, self._moved = self._moved, None
             return NO_SLIP
-        return Slip(is_slipping=True, slip_mm_s=speed)
+        self._slips = (
+            found.sideways > least + SIDEWAYS_SHARE * max(found.whole - pairs, 0.0)
+            and math.hypot(*found.speed_mm_s[:2]) > LEAST_MM_S
+            and (self._slips or time_s - self._still_s < ONSET_S)
+        )
+        if self._slips:
+            return Slip(is_slipping=True, slip_mm_s=found.speed_mm_s[:2])
+        if found.whole > STRONG * pairs:
+            self._moved = rate
+        return NO_SLIP
 
     def _noise(self, signals: FloatArray) -> Whitening:
         gains = (
@@ -181,19 +213,44 @@ class SlipDetector:
         self._scatter += (min(found, LARGEST_SCATTER * self._scatter) - self._scatter) / self._scattered
 
 
-def movement(rate: FloatArray, slopes: FloatArray, noise: Whitening) -> tuple[FloatArray, float, float]:
-    """Sideways speed v_xy (2,) [mm/s], T / S and W / S of the module's equations [1/s²].
+@dataclass(frozen=True, kw_only=True)
+class Movement:
+    """How the press moves.
+
+    Attributes
+    ----------
+    speed_mm_s : v, along x, y and depth [mm/s]
+    sideways, whole : T and W of the module's equations
+    """
+
+    speed_mm_s: FloatArray
+    sideways: float
+    whole: float
+
+    def over(self, scale: float) -> Movement:
+        """The same with χ² divided by a variance."""
+        return replace(self, sideways=self.sideways / scale, whole=self.whole / scale)
+
+
+def movement(rate: FloatArray, slopes: FloatArray, noise: Whitening) -> Movement:
+    """Least squares of a change of the signals, with χ² for the covariance of one frame.
 
     Parameters
     ----------
     rate : r, rates of change of the signals, shape (m,) [counts/s]
-    slopes : J, slopes of the signals by x, y and depth, shape (3, m) [counts/mm]
+    slopes : changes of the signals by x, y, depth, and in further unknown ways, shape (3 or more, m) [counts/mm]
     noise : C⁻¹ of one frame
     """
     both = np.concatenate([slopes, rate[None]])
     shared = both @ noise.shared[0].T
     products = (both * noise.weight[0]) @ both.T - shared @ shared.T
-    matrix = products[:3, :3] + 1e-9 * (1e-9 + np.trace(products[:3, :3])) * np.eye(3)
-    speed = np.linalg.solve(matrix, products[:3, 3])[:2]
-    known = matrix[:2, :2] - np.outer(matrix[:2, 2], matrix[:2, 2]) / matrix[2, 2]
-    return speed, float(speed @ known @ speed), float(products[3, 3])
+    size = np.sqrt(np.diagonal(products)[:-1]) + TINY
+    matrix = products[:-1, :-1] / size / size[:, None] + TINY * np.eye(len(size))
+    speed = np.linalg.solve(matrix, products[:-1, -1] / size)
+    shared_xy = matrix[:2, 2:]
+    alone = matrix[:2, :2] - shared_xy @ np.linalg.solve(matrix[2:, 2:], shared_xy.T)
+    return Movement(
+        speed_mm_s=(speed / size)[:3],
+        sideways=float(speed[:2] @ alone @ speed[:2]),
+        whole=float(products[-1, -1]),
+    )
