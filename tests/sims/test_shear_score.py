@@ -139,7 +139,7 @@ def whole() -> ShearScore:
         patch.undo()
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_a_whole_score_has_bounds_errors_and_a_map_that_finds_the_pull(whole: ShearScore):
     shape = len(whole.places_mm), 2
     assert whole.least_pull_n.shape == whole.force_n.shape == shape
