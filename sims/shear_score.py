@@ -30,7 +30,8 @@ of the ball as it is now, not where it was pressed. Where a state has another pu
 The map with a pull
 -------------------
 The same signal map with two more unknowns (`optopad.sims.learning.shear_map`) is compared with it on noisy frames of
-random locations, depths and pulls, whose contact and light are computed there, with another seed.
+random locations, depths and pulls, whose contact and light are computed there, with another seed. Its prior for each
+component of the pull has a standard deviation of half the pull of the states, about that of the random ones.
 
 The model leaves out ageing of the contact, the history of a motion with turns, and all that `contact.held.slide` does.
 """
@@ -88,8 +89,9 @@ DEPTHS = (DEEP, 2.0 * DEEP)
 """Depths of the states [tip radii]."""
 SHALLOWER, SHALLOWEST = 0.8, 0.2
 """Factor by which depths are lowered if the models do not cover them, and the least of their product [-]."""
-PITCH_MM, WIDER, MOST_READINGS = 2.2, 1.1, 1050
-"""First distance of the locations [mm], the factor by which it grows, and the most pairs of all locations."""
+PITCH_MM, WIDER, MOST_READINGS, LEAST_STEPS = 2.2, 1.1, 1050, 2
+"""First distance of the locations [mm], the factor by which it grows, the most pairs of all locations, and the least
+number of steps from side to side."""
 WAYS = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
 """Directions of the pulls; opposite ones follow each other."""
 ACCURACY = "score"
@@ -210,22 +212,24 @@ class _Places:
         return np.take_along_axis(values[self.source], self.ways[:, None, :], axis=2)
 
 
-def _places(draft: Draft, inset_mm: float, pitch_mm: float = PITCH_MM) -> _Places:
+def _places(draft: Draft, inset_mm: float, pitch_mm: float) -> _Places:
     """Locations about a pitch apart along x and y, an inset within the workspace; fewer if they are too many."""
     inner = _inner(draft, inset_mm)
     x, y = (
-        np.linspace(low, high, max(round((high - low) / pitch_mm), 2) + 1)
+        np.linspace(low, high, max(round((high - low) / pitch_mm), LEAST_STEPS) + 1)
         for low, high in zip(inner.box_mm[:2], inner.box_mm[2:], strict=True)
     )
+    apart = 0.5 * min(x[1] - x[0], y[1] - y[0])
     found: list[Place] = []
-    for node in ((a, b) for a in x.tolist() for b in y.tolist()):
+    for node in product(x.tolist(), y.tolist()):
         at = node if inner.contains(*node) else inner.clamped(*node)
-        if all(np.hypot(at[0] - one[0], at[1] - one[1]) > 0.5 * pitch_mm for one in found):
+        if all(np.hypot(at[0] - one[0], at[1] - one[1]) > apart for one in found):
             found.append(at)
     places = _grouped(draft, np.array(found))
-    if len(places.computed_mm) * places.pairs.shape[1] > MOST_READINGS:
-        return _places(draft, inset_mm, WIDER * pitch_mm)
-    return places
+    is_least = len(x) == len(y) == LEAST_STEPS + 1
+    if is_least or len(places.computed_mm) * places.pairs.shape[1] <= MOST_READINGS:
+        return places
+    return _places(draft, inset_mm, WIDER * pitch_mm)
 
 
 def _inner(draft: Draft, inset_mm: float) -> Outline:
@@ -428,7 +432,7 @@ def _solved(draft: Draft, ball: HeldObject, seed: int, tell: OnStep) -> _States:
         try:
             depth_mm = share * np.minimum(np.array(DEPTHS) * radius, deepest * np.array(DEPTHS) / DEPTHS[-1])
             pull_n, shear_mm = _pulls(draft, ball, depth_mm)
-            places = _places(draft, _inset_mm(shear_mm))
+            places = _places(draft, _inset_mm(shear_mm), PITCH_MM)
             found = _contacts(draft, ball, places.computed_mm, depth_mm, shear_mm, tell)
         except ModelScopeError:
             share *= SHALLOWER
@@ -553,7 +557,7 @@ def _bounds(sensor: _Sensor, states: _States, seed: int, tell: OnStep) -> dict[s
         states.places.computed_mm,
         states.depth_mm,
         sensor.readout,
-        accuracies=BOUND_ACCURACIES[:1],
+        accuracies=BOUND_ACCURACIES,
         seed=seed,
         steps=Steps(),
         on_step=lambda share: tell("bounds", share),
@@ -646,7 +650,7 @@ def _map_errors(
     assert isinstance(plain, SignalMapModel)
     maps = {
         SIGNAL_MAP: lambda signals: np.pad(plain.found(signals).press_mm, ((0, 0), (0, 2))),
-        AS_MAP: ShearMap(ball=plain, light=states.light(), most_n=2.0 * float(states.pull_n.max())).found,
+        AS_MAP: ShearMap(ball=plain, light=states.light(), usual_n=0.5 * float(states.pull_n.max())).found,
     }
     rows = []
     for is_pulled in (False, True):

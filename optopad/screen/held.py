@@ -67,8 +67,8 @@ class HeldView(Result):
         band = data_quantities("friction.toml")["dry"]
         friction = "" if known else f", assumed for dry silicone ({band.low:g} to {band.high:g})"
         return (
-            f"{x:.3g}, {y:.3g} mm by {pull:.3g} N; {does}; it holds {self.asked.friction * press.force_n:.3g} N at "
-            f"most, by a friction of {self.asked.friction:g}{friction}"
+            f"{x:.3g}, {y:.3g} mm by {pull:.3g} N; {does}; the pad holds {press.holds_n:.3g} N at most, "
+            f"with a friction of {self.asked.friction:g}{friction}"
         )
 
     @cached_property

@@ -45,11 +45,7 @@ def shear_sentences(found: dict[str, Any]) -> list[tuple[str, str]]:
     else:
         pull = "one frame does not give the pull"
         costs = "bounds of location and depth with an unknown pull are not resolved"
-    unmodelled = [
-        f"{_span(found['pull_n'])} N move what {name} reports: location by {_largest(one['moved_mm'])} mm, depth by "
-        f"{_largest(one['deeper_mm'])} mm, force by {_largest(one['stronger_n'])} N; median, (worst)"
-        for name, one in found["unmodelled"].items()
-    ]
+    unmodelled = [_moved(found, name) for name in found["unmodelled"]]
     plain, with_pull = (one for one in found["map_errors"] if one["is_pulled"])
     return [
         ("a pull", pull),
@@ -62,6 +58,19 @@ def shear_sentences(found: dict[str, Any]) -> list[tuple[str, str]]:
             f"{plain['depth_mm'][0]:.2g} mm, the pull within {with_pull['pull_n'][0]:.2g} N (medians, one noisy frame)",
         ),
     ]
+
+
+def _moved(found: dict[str, Any], name: str) -> str:
+    """What a pull changes of the press that a model reports, in words."""
+    of = found["unmodelled"][name]
+    sizes = [np.abs(np.array(of[key])) for key in ("moved_mm", "deeper_mm", "stronger_n")]
+    (away, deep, force), (most, deepest, strongest) = (
+        [f"{float(rule(one)):.2g}" for one in sizes] for rule in (np.median, np.max)
+    )
+    return (
+        f"{_span(found['pull_n'])} N move what {name} reports by {away} mm, its depth by {deep} mm and its force by "
+        f"{force} N (medians; worst {most} mm, {deepest} mm and {strongest} N)"
+    )
 
 
 def unmodelled_rows(found: dict[str, Any]) -> list[tuple[str, ...]]:

@@ -8,8 +8,10 @@ few locations and depths. Between locations they are interpolated by thin-plate 
 are 0 at depth 0 and constant beyond the deepest state. The location is that of the ball as it is now, not where it was
 pressed.
 
-The unknowns are found by the search of the signal map, with the same noise. Left out: the product of both components,
-and the past of the sideways motion: the force must have grown in one direction, without sliding.
+The unknowns are found by the search of the signal map, with the same noise, and with a normal prior of the force: each
+of its components counts as one more reading, which is 0. Where frames hardly depend on the force, it does not disturb
+location and depth. Left out: the product of both components, and the past of the sideways motion: the force must have
+grown in one direction, without sliding.
 """
 
 from __future__ import annotations
@@ -26,10 +28,13 @@ from optopad.sims.learning.inference.signal_map import (
     Box,
     CoarseTable,
     SignalMapModel,
+    Whitening,
     found_presses,
     table_presses_mm,
 )
 
+MOST = 4.0
+"""Largest component of a force that is searched [standard deviations of the prior]."""
 SLOPE_STEP_MM = 0.05
 """Step of the differences by which a and q change with location and depth."""
 
@@ -65,6 +70,11 @@ class ForceLight:
         return _summed(self.factors_at(press[:, :3]), press[:, 3:])
 
 
+def _with_two(values: FloatArray) -> FloatArray:
+    """An array with two zeros at the end of its last axis."""
+    return np.pad(values, [*[(0, 0)] * (values.ndim - 1), (0, 2)])
+
+
 def _summed(factors: FloatArray, force_n: FloatArray) -> FloatArray:
     powers = np.concatenate([force_n, force_n**2], axis=1)
     return np.asarray((powers[:, None, :] @ factors)[:, 0])
@@ -78,24 +88,30 @@ class ShearMap:
     ----------
     ball : the signal map without sideways force
     light : change of the light by the force
-    most_n : largest component of the force that is searched [N]
+    usual_n : prior standard deviation of each component of the force [N]; `MOST` of them are searched
     """
 
     ball: SignalMapModel
     light: ForceLight
-    most_n: float
+    usual_n: float
 
     @cached_property
     def _table(self) -> CoarseTable:
         at_rest = table_presses_mm(self.ball.box)
-        return CoarseTable(press_mm=np.pad(at_rest, ((0, 0), (0, 2))), signals=self.ball.signals(at_rest))
+        return CoarseTable(press_mm=_with_two(at_rest), signals=_with_two(self.ball.signals(at_rest)))
 
     @cached_property
     def _box(self) -> Box:
-        box, force_n = self.ball.box, np.full(2, self.most_n)
+        box, force_n = self.ball.box, np.full(2, MOST * self.usual_n)
         return Box(low=np.concatenate([box.low, -force_n]), high=np.concatenate([box.high, force_n]))
 
     def answers(self, press: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Signals and both components of the force (n, pair + 2), and their slopes (n, 5, pair + 2) by all unknowns."""
+        signals, slopes = self.signals(press)
+        by_force = np.broadcast_to(np.eye(5)[:, 3:], (len(press), 5, 2))
+        return np.concatenate([signals, press[:, 3:]], axis=1), np.concatenate([slopes, by_force], axis=2)
+
+    def signals(self, press: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Signals (n, pair) of presses (n, 5) and slopes (n, 5, pair) by x, y, depth and force [counts per mm, N]."""
         place, force_n, clip = press[:, :3], press[:, 3:], self.ball.noise.clip_counts
         root, by_place = self.ball.ratio_root.with_gradient(place)
@@ -116,7 +132,15 @@ class ShearMap:
         noise, parts = self.ball.noise, []
         for first in range(0, len(signals), FRAMES_AT_ONCE):
             few = signals[first : first + FRAMES_AT_ONCE]
-            untouched = np.minimum(self.ball.full_counts, noise.clip_counts)
-            found = found_presses(self.answers, self._table, self._box, few, untouched, noise.seen_in(few))
+            untouched = np.minimum(self.ball.full_counts, noise.clip_counts)[None]
+            seen = noise.seen_in(few)
+            prior = Whitening(
+                weight=np.pad(seen.weight, ((0, 0), (0, 2)), constant_values=self.usual_n**-2),
+                gains=_with_two(seen.gains),
+                shared=_with_two(seen.shared),
+            )
+            found = found_presses(
+                self.answers, self._table, self._box, _with_two(few), _with_two(untouched)[0], prior
+            )
             parts.append(found.press_mm)
         return np.concatenate(parts)

@@ -1,10 +1,13 @@
-"""Time of the contact model: a press from the library, loading the library, a live solve, an entry of the library."""
+"""Time of the contact model: a press from the library, loading the library, a live solve, an entry of the library, an
+object, and the light of an object."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from optopad.design.draft import Draft
+from optopad.design.held_object import held_of
 from optopad.design.preset import preset
 from optopad.sims.contact import indent
 from optopad.sims.contact.indentation import solved_press
@@ -14,6 +17,9 @@ from optopad.sims.contact.library.smooth_press import POISSON_RATIOS
 from optopad.sims.contact.mesh import radial_mesh
 from optopad.sims.contact.scope import WALL_RADIUS, contact_of
 from optopad.sims.contact.wedge import solve_wedge
+from optopad.sims.held import AskedPress, pressed
+from optopad.sims.optics.engine.trace_states import trace_scene
+from optopad.sims.optics.scene.lower import scene_of
 from tests.validation.contact.library_build import entry_inputs
 
 
@@ -67,3 +73,20 @@ def test_one_entry_of_the_library(benchmark, bench_size):
         ]
 
     assert min(benchmark.pedantic(solve, rounds=1)) > 0.0
+
+
+@pytest.mark.parametrize("shear_mm", [None, (0.1, 0.0)])
+def test_a_ball_as_an_object_and_its_motion_sideways(benchmark, shear_mm):
+    draft = Draft.of(preset("fingertip-16"))
+    asked = AskedPress(held=(held_of("sphere,radius=2"),), at_mm=(8.0, 8.0), depth_mm=0.8, shear_mm=shear_mm)
+    assert benchmark.pedantic(pressed, (draft, asked), rounds=3, warmup_rounds=1).force_n > 0.0
+
+
+def test_light_of_an_object(benchmark):
+    draft = Draft.of(preset("fingertip-16"))
+    press = pressed(draft, AskedPress(held=(held_of("sphere,radius=2"),), at_mm=(8.0, 8.0), depth_mm=0.8))
+    scene, tops = scene_of(draft.design), [None, press.top]
+    found = benchmark.pedantic(
+        trace_scene, (scene, np.zeros((2, 2)), tops), {"accuracy": "score"}, rounds=2, warmup_rounds=1
+    )
+    assert (found.flux.sum(axis=0)[1] > 0.0).any()

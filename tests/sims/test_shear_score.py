@@ -16,7 +16,7 @@ from optopad.sims import shear_score
 from optopad.sims.bounds.fisher import Sensitivity, bounds_of, least_variances
 from optopad.sims.contact.held.press import HeldPress
 from optopad.sims.held import AskedPress, held_light, pressed
-from optopad.sims.shear_score import WAYS, ShearScore, _image, _places, score_shear
+from optopad.sims.shear_score import PITCH_MM, WAYS, ShearScore, _image, _places, _States, score_shear
 
 SQUARE, PLAIN = "piacenza2017-pad", "gripper-stadium"
 
@@ -29,7 +29,7 @@ def draft(name: str) -> Draft:
 def test_symmetric_locations_have_the_light_of_the_image_of_pair_and_pull():
     """The pad with four equal sides: each location is the image of a computed one under a turn about the middle."""
     pad, middle = draft(SQUARE), np.array(draft(SQUARE).plan.centre_mm)
-    places = _places(pad, 0.5)
+    places = _places(pad, 0.5, PITCH_MM)
     assert 3.5 * len(places.computed_mm) <= len(places.all_mm)
     parts = [
         np.array([one.position_mm[:2] for one in of]) for of in (pad.cavity.emitters, pad.cavity.receivers)
@@ -52,13 +52,38 @@ def test_symmetric_locations_have_the_light_of_the_image_of_pair_and_pull():
     assert seen == {0, 1, 2, 3}
 
 
+def test_the_light_of_a_symmetric_location_is_that_of_the_turned_pull():
+    places = _places(draft(SQUARE), 0.5, 6.0)
+    rng, computed = np.random.default_rng(4), len(places.computed_mm)
+    states = _States(
+        places=places,
+        depth_mm=np.array([1.0]),
+        pull_n=np.array([0.5]),
+        shear_mm=np.array([0.1]),
+        force_n=np.ones((computed, 1)),
+        pulls_n=np.broadcast_to(0.4 * WAYS, (computed, 1, 4, 2)),
+        change=rng.normal(size=(2, computed, 1, 4, 64)),
+    )
+    own, found = states.factors.mean(axis=0), states.light().factors
+    np.testing.assert_allclose(
+        own[:, 0, 0], (states.change[..., 0, :] - states.change[..., 1, :]).mean(axis=0)[:, 0] / 0.8
+    )
+    np.testing.assert_allclose(states.scaled, 1.25 * states.change.mean(axis=0))
+    for number, source in enumerate(places.source):
+        for axis in range(2):
+            turned = WAYS[places.ways[number, 2 * axis]] @ own[source, 0, :2]
+            np.testing.assert_allclose(found[number, 0, axis], turned[places.pairs[number]])
+
+
 def test_locations_of_a_pad_without_symmetry_are_all_computed_and_inside():
     pad = draft(PLAIN)
-    places = _places(pad, 0.5)
+    places = _places(pad, 0.5, PITCH_MM)
     assert len(places.computed_mm) == len(places.all_mm) > 20
     assert all(pad.workspace.contains(*at) for at in places.all_mm.tolist())
     away = np.linalg.norm(places.all_mm[:, None] - places.all_mm, axis=2) + 9.0 * np.eye(len(places.all_mm))
     assert away.min() > 1.0
+    few = _places(pad, 0.5, 50.0)
+    assert len(few.all_mm) == 9
 
 
 def test_the_image_of_a_press_is_the_press_at_the_image():
@@ -99,17 +124,17 @@ def test_without_friction_nothing_is_scored():
 
 def test_a_workspace_without_room_is_refused():
     with pytest.raises(ModelScopeError, match="workspace_margin_mm"):
-        _places(draft(SQUARE), 11.0)
+        _places(draft(SQUARE), 11.0, PITCH_MM)
 
 
 @pytest.fixture(scope="module")
 def whole() -> ShearScore:
-    """A score of a coarse grid."""
+    """A score of three locations a side."""
     patch = pytest.MonkeyPatch()
-    patch.setattr(shear_score, "MOST_READINGS", 4 * 64)
+    patch.setattr(shear_score, "PITCH_MM", 50.0)
     patch.setattr(shear_score, "TESTS", 4)
     try:
-        return score_shear(draft(SQUARE))
+        return score_shear(draft("fingertip-16"))
     finally:
         patch.undo()
 
@@ -120,7 +145,7 @@ def test_a_whole_score_has_bounds_errors_and_a_map_that_finds_the_pull(whole: Sh
     assert whole.least_pull_n.shape == whole.force_n.shape == shape
     assert (whole.location_times >= 1.0).all()
     assert (whole.depth_times >= 1.0).all()
-    assert 0.05 < np.median(whole.least_pull_n) < 0.5
+    assert 0.02 < np.median(whole.least_pull_n) < 0.2
     np.testing.assert_allclose(whole.pull_n, 0.5)
     for one in whole.moved.values():
         assert one.moved_mm.shape == one.deeper_mm.shape == one.stronger_n.shape == (*shape, 4)
@@ -128,7 +153,7 @@ def test_a_whole_score_has_bounds_errors_and_a_map_that_finds_the_pull(whole: Sh
     plain, known = whole.map_errors[2:]
     assert (plain["is_pulled"], known["is_pulled"]) == (True, True)
     assert known["location_mm"][0] < plain["location_mm"][0]
-    assert known["pull_n"][0] < 0.35
+    assert known["pull_n"][0] < 0.2
 
 
 @pytest.mark.slow
@@ -136,27 +161,18 @@ def test_a_symmetric_press_that_is_pulled_the_other_way_gives_the_mirrored_frame
     """In the middle of the pad, a half turn swaps the pulls along +x and -x."""
     pad = draft(SQUARE)
     x, y = pad.plan.centre_mm
-    presses = [
-        pressed(
-            pad, AskedPress(held=(held_of("sphere,radius=3"),), at_mm=(x, y), depth_mm=1.0, shear_mm=(s, 0.0))
-        )
-        for s in (0.1, -0.1)
+    asked = [
+        AskedPress(held=(held_of("sphere,radius=3"),), at_mm=(x, y), depth_mm=1.0, shear_mm=shear)
+        for shear in (None, (0.1, 0.0), (-0.1, 0.0))
     ]
-    light = held_light(pad, presses)
-    change = light.changes
-    image = [
-        [
-            int(
-                np.argmin(
-                    [
-                        np.hypot(*(np.array(two.position_mm[:2]) + one.position_mm[:2] - [2 * x, 2 * y]))
-                        for two in of
-                    ]
-                )
-            )
-            for one in of
-        ]
-        for of in (pad.cavity.emitters, pad.cavity.receivers)
-    ]
-    turned = change[1][np.ix_(*image)]
-    assert np.linalg.norm(change[0] - turned) < 0.05 * np.linalg.norm(change[0] - change[1])
+    still, one, other = held_light(pad, [pressed(pad, each) for each in asked]).units
+    image = []
+    for parts in (pad.cavity.emitters, pad.cavity.receivers):
+        at = np.array([part.position_mm[:2] for part in parts])
+        image.append(np.linalg.norm(at[:, None] + at - [2 * x, 2 * y], axis=2).argmin(axis=1))
+    mirrored = (other - still)[np.ix_(*image)]
+    size = np.linalg.norm(one - still)
+    assert np.linalg.norm(one - other) > 1.5 * size
+    assert (
+        np.linalg.norm(one - still - mirrored) < 0.25 * size
+    )  # errors of the light: 0.5 sigma in all pairs together

@@ -90,6 +90,7 @@ class HeldPress:
     shear_mm : how far the objects moved sideways after the press, along the frame's x and y
     pull_n : sideways force of the objects on the pad, along the frame's x and y
     slip_share : share of the contact's area that slips [-]
+    holds_n : largest sideways force before all of the contact slips; 0 for a press without a sideways motion
     """
 
     top: GridTop
@@ -101,6 +102,7 @@ class HeldPress:
     shear_mm: tuple[float, float] = (0.0, 0.0)
     pull_n: tuple[float, float] = (0.0, 0.0)
     slip_share: float = 0.0
+    holds_n: float = 0.0
 
 
 def grid_of(contact: Contact, at_mm: Place) -> tuple[FloatArray, FloatArray]:

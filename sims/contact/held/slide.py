@@ -19,11 +19,12 @@ contact, and one that slips passes through it. For the light model, the deformed
 Finite strains
 --------------
 The pad is softer under pressure (`press`): the limit is f times the corrected pressure. Sideways it is stiffer, since
-the objects have pressed into it: at the depth d in a layer of thickness h, sideways loads are h / (h - d) times those
-of the linear layer, as if only the layer under the objects were sheared. This is not fitted. Finite elements with
-finite strains have 1.15 and 1.31 times the linear load under a long cylinder of 5 mm, 1 and 2 mm deep in 9 mm, where
-the factor is 1.13 and 1.29. Far from the contact, the top answers to the whole load; in the contact and next to it, it
-moves with the objects. In between, the answer is interpolated by the sideways motion.
+the objects have pressed into it: their flank pushes the raised top ahead, so pressure pulls, too. At the depth d in a
+layer of thickness h, the whole sideways load is h / (h - d) times t, that of the linear layer, as if only the layer
+under the objects were sheared. This is not fitted. Finite elements with finite strains have 1.15 and 1.31 times t under
+a long cylinder of 5 mm, 1 and 2 mm deep in 9 mm, where the factor is 1.13 and 1.29. In full slip, too, friction is f
+times the force there, and the pull 1.15 times that at 1 mm. Far from the contact, the top answers to the whole load; in
+the contact and next to it, it moves with the objects. In between, the answer is interpolated by the sideways motion.
 
 Left out: friction during the press itself; that friction of silicone depends on speed, time and pressure; adhesion.
 """
@@ -134,13 +135,13 @@ def pulled(
         raise InputError("pull: needs two finite numbers of newtons")
     slide, wanted = _begun(contact, at_mm, bottoms, depth_mm, friction), np.asarray(pull_n, np.float64)
     size = float(np.hypot(*wanted))
-    holds = friction * slide.press().force_n
+    holds = slide.press().holds_n
     step, now = STEP_MM * wanted / max(size, 1e-12) * min(1.0, size / max(holds, 1e-12)), np.zeros(2)
     while size > 0.0 and np.hypot(*(wanted - now)) > PULL_ERROR * size:
         if size >= holds or np.hypot(*slide.at) > LONGEST_MM:
             raise ModelScopeError(
-                f"pull: {size:.3g} N is more than friction holds: at most {holds:.3g} N, {friction:g} times the "
-                "force of the press; the objects would slide: pull less, press harder, or give --shear instead"
+                f"pull: {size:.3g} N is more than the pad holds: at most {holds:.3g} N with a friction of "
+                f"{friction:g}; the objects would slide: pull less, press harder, or give --shear instead"
             )
         slide.advance(slide.at + step)
         before, now = now, slide.pull_n
@@ -166,7 +167,9 @@ class Slide:
     def __init__(self, pad: Pad, gap: FloatArray, depth_mm: float, friction: float) -> None:
         """Press them, given the gap (nx, ny) at first touch."""
         self.pad, self.depth_mm, self.friction = pad, depth_mm, friction
-        self._start = at_depth(pad, gap, depth_mm)
+        self._stiffness = pad.thickness_mm / (pad.thickness_mm - depth_mm)
+        start = at_depth(pad, gap, depth_mm)
+        self._start = replace(start, holds_n=self._holds_n(start.force_n))
         if self._start.force_n == 0.0:
             raise InputError(
                 f"shear: at {depth_mm:g} mm the objects do not touch the pad, so nothing holds them; press deeper"
@@ -175,7 +178,6 @@ class Slide:
         pressure = self._start.pressure_mpa / pad.shear_mpa
         load, moved = pad.pressed(pad.slope * np.where(pad.wall_mm > 1e-9, gap - depth_mm, np.inf), depth_mm)
         self._softness = float(pressure.sum() / (load * pad.slope).sum())
-        self._stiffness = pad.thickness_mm / (pad.thickness_mm - depth_mm)
         none = np.zeros((2, *load.shape))
         self.load, self.moved = np.concatenate([none, load[None]]), np.concatenate([none, moved[None]])
         self._pressed, self._linear = load, none
@@ -262,7 +264,7 @@ class Slide:
                 whole,
                 load[:2] / self._stiffness,
                 step[:, None, None] + before - drawn,
-                limit / self._stiffness,
+                limit,
                 SIDEWAYS_ERROR * float(np.hypot(*step)),
             )
             moved += min(0.5, EASED / (turn + 1)) * (self._motion(whole, load, pressed)[1] - moved)
@@ -272,8 +274,12 @@ class Slide:
             raise NotSettledError("shear: pressure and friction did not settle; move the objects less far")
         found, is_slipping = np.zeros_like(self.load), np.zeros(self.is_slipping.shape, np.bool_)
         found[cut] = load
-        is_slipping[window] = (load[2] > 0.0) & (np.hypot(*load[:2]) >= (1.0 - 1e-6) * limit)
+        slips = np.hypot(*load[:2]) >= (1.0 - 1e-6) * self._stiffness * limit
+        is_slipping[window] = (load[2] > 0.0) & slips
         return found, is_slipping
+
+    def _holds_n(self, force_n: float) -> float:
+        return self.friction * self._stiffness * force_n
 
     @property
     def pull_n(self) -> FloatArray:
@@ -295,6 +301,7 @@ class Slide:
             shear_mm=(float(self.at[0]), float(self.at[1])),
             pull_n=(float(pull[0]), float(pull[1])),
             slip_share=float(self.is_slipping[touching].mean()),
+            holds_n=self._holds_n(found.force_n),
         )
 
     def _drawn(self, found: HeldPress) -> GridTop:

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from optopad.design.errors import InputError
+from optopad.design.recordings import kept_share
 from optopad.fabrication.driver.drift import DriftState, DriftTracker
 from tests.fabrication.driver.made_up_pad import press_table
 
@@ -214,6 +215,28 @@ def test_what_a_press_leaves_holds_a_quiet_board_only_while_it_is_as_large_as_a_
     assert states[-1].excess > 4.0
     assert states[-1].is_held is is_held
     assert (states[-1].held_without_touch_s > 1.0) is is_held
+
+
+def test_what_a_press_leaves_is_no_step_of_gain_and_moves_the_untouched_signals_little() -> None:
+    """A residue of 4 % with a decay of 1 s, after a press that takes up to 80 % of a pair's signal."""
+    released_s = 5.0
+    pressed = np.minimum(press_table().at((12.0, 14.0, 5.0))[0], 900.0) / FLAT - 1.0
+
+    def residue(time_s: float) -> np.ndarray | float:
+        since_s = np.array(max(time_s - released_s, 0.0))
+        kept = kept_share(since_s, residue=0.04, decay_s=1.0)
+        return 1.0 + kept * pressed if time_s > released_s else 1.0
+
+    bench = Bench(lambda time_s: (12.0, 14.0, 5.0 if 3.0 < time_s <= released_s else -5.0), residue)
+    bench.run(released_s + 0.5)
+    assert bench.states[-1].is_held
+    state = bench.run(40.0, released_s + 0.5)
+    assert not state.is_held
+    assert state.gain_steps == 0
+    assert not any(one.is_gain_like for one in bench.states)
+    strong = FLAT > 40
+    moved = np.abs(bench.tracker.untouched.reshape(FLAT.shape) / FLAT - 1.0)[strong].max()
+    assert moved < 0.004  # the signals themselves were off by 3 %, and noise of 10 s of frames is 0.05 %
 
 
 @pytest.mark.slow

@@ -60,7 +60,7 @@ def test_an_object_is_pulled_sideways(folder, capsys):
     assert 0.0 < document["shear_mm"][0] < 0.5
     assert 0.0 < document["slip_share"] < 1.0
     assert main(["press", STADIUM, *ball[:-1], "0.6,0"]) == 2
-    assert says(capsys.readouterr().err, "more than friction holds")
+    assert says(capsys.readouterr().err, "more than the pad holds")
 
 
 def test_a_list_becomes_a_data_set(folder, capsys):

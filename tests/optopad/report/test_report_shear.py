@@ -48,8 +48,8 @@ def test_the_screen_says_what_is_resolved_and_what_a_pull_moves():
         "one frame gives the pull within 0.15 N (median; worst 0.3 N), location and depth unknown; "
         "not resolved at 1 of 6",
         "bounds 1.20 times as large for location and 1.10 for depth",
-        "unmodelled  0.35 to 0.5 N move what signal-map reports: location by 0.2 (0.3) mm, depth by 0.03 (0.05) mm, "
-        "force by 0.2 (0.2) N",
+        "unmodelled  0.35 to 0.5 N move what signal-map reports by 0.2 mm, its depth by 0.03 mm and its force by "
+        "0.2 N (medians; worst 0.3 mm, 0.05 mm and 0.2 N)",
         "\n            0.35 to 0.5 N move what kernel-ridge reports",
         "location within 0.01 mm in place of 0.02 mm, depth 0.002 in place of 0.003 mm, the pull within 0.12 N",
     ):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -26,7 +27,7 @@ def light() -> ForceLight:
 
 @cache
 def shear_map() -> ShearMap:
-    return ShearMap(ball=made_up_map_model(), light=light(), most_n=1.0)
+    return ShearMap(ball=made_up_map_model(), light=light(), usual_n=5.0)
 
 
 def presses(count: int) -> FloatArray:
@@ -38,7 +39,7 @@ def presses(count: int) -> FloatArray:
 def test_without_a_force_the_map_is_that_of_the_ball():
     found, ball = shear_map(), made_up_map_model()
     press = presses(5) * [1.0, 1.0, 1.0, 0.0, 0.0]
-    signals, slopes = found.answers(press)
+    signals, slopes = found.signals(press)
     expected, by_place = ball.answers(press[:, :3])
     np.testing.assert_allclose(signals, expected)
     np.testing.assert_allclose(slopes[:, :3], by_place)
@@ -54,17 +55,25 @@ def test_factors_are_those_of_the_states_and_fade_to_the_surface():
 
 def test_slopes_are_those_of_the_signals():
     found, press = shear_map(), presses(6)
-    slopes = found.answers(press)[1]
+    slopes = found.signals(press)[1]
     for axis, step in enumerate(1e-3 * np.eye(5)):
-        change = (found.answers(press + step)[0] - found.answers(press - step)[0]) / 2e-3
+        change = (found.signals(press + step)[0] - found.signals(press - step)[0]) / 2e-3
         np.testing.assert_allclose(slopes[:, axis], change, atol=0.02 * np.abs(slopes[:, axis]).max())
 
 
 def test_location_depth_and_force_are_found_again_and_the_ball_s_map_is_misled():
     found, press = shear_map(), presses(16)
-    signals = found.answers(press)[0]
+    signals = found.signals(press)[0]
     off = np.abs(found.found(signals) - press)
     assert np.median(off[:, :2]) < 0.005
     assert np.median(off[:, 3:]) < 0.02
     misled = np.abs(found.ball.found(signals).press_mm - press[:, :3])
     assert np.median(misled[:, :2]) > 10.0 * np.median(off[:, :2])
+
+
+def test_a_narrow_prior_gives_the_ball_s_map_and_no_force():
+    press = presses(8)
+    signals = shear_map().signals(press)[0]
+    found = replace(shear_map(), usual_n=1e-4).found(signals)
+    assert np.abs(found[:, 3:]).max() < 1e-4
+    np.testing.assert_allclose(found[:, :3], shear_map().ball.found(signals).press_mm, atol=0.01)

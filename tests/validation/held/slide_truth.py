@@ -84,11 +84,11 @@ class SlideCase:
 
 CASES = {
     "long cylinder, radius 5": SlideCase(radius_mm=5.0),
-    "long cylinder, radius 2": SlideCase(radius_mm=2.0, depths_mm=(1.0,)),
+    "long cylinder, radius 2": SlideCase(radius_mm=2.0, depths_mm=(1.0,), frictions=(0.3,)),
     "long cylinder, radius 5, pressed with friction": SlideCase(
         radius_mm=5.0, depths_mm=(1.0,), is_rubbed=True
     ),
-    BALL: SlideCase(frictions=(0.8,)),
+    BALL: SlideCase(depths_mm=(1.0,), frictions=(0.8,)),
 }
 
 

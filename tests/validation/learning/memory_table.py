@@ -1,6 +1,6 @@
 """What a pad keeps of a press, and what follows for touch and driver: docs/validation/memory.md.
 
-    python -m tests.validation.learning.memory_table          (light of two quick predictions, then four minutes)
+    python -m tests.validation.learning.memory_table          (light of two quick predictions, then eight minutes)
 
 `remodel_residue.csv` and `remodel_loops.csv` have figures of the REMODEL recordings (Vanvitelli-Robotics/REMODEL,
 commit 23dc0f1, folder 04_DATA/01_SingleTaxel). They are computed from the files `*_step_01sec.mat` (press, 20 s hold,
