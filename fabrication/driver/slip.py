@@ -10,30 +10,35 @@ C is the covariance of one frame: independent noise of every pair as in the unto
 gains of emitters and receivers (`optopad.sims.learning.inference.signal_map`). ρ scales it to the scatter of recent
 frames around the line through both neighbours, averaged over `MEMORY_S`. So the noise may depend on the touch.
 
-A press that moves at the speed v = (v_x, v_y, v_depth) changes the signals by r = Jᵀv, with the slopes J of the model's
-signals at the predicted press. Least squares with the depth unknown give the sideways speed and its χ²:
+A press that moves at the speed v = (v_x, v_y, v_depth) changes the signals by r = Jᵀv, with the slopes J of the
+model's signals at the predicted press. A further row of J is the way that the touch came: r shortly before it was
+still. On this way it goes deeper or back, whatever the model's slopes. Least squares for all rows give the sideways
+speed and its χ²:
 
-    A = J C⁻¹ Jᵀ,    v = A⁻¹ J C⁻¹ r,    T = S v_xyᵀ [(A⁻¹)_xy]⁻¹ v_xy,    W = S rᵀ C⁻¹ r  (of the whole change)
+    A = J C⁻¹ Jᵀ,    v = A⁻¹ J C⁻¹ r,    T = S v_xyᵀ [(A⁻¹)_xy]⁻¹ v_xy / ρ,    W = S rᵀ C⁻¹ r / ρ   (whole change)
 
-With noise alone, T / ρ has the χ² distribution with 2 degrees of freedom, so P(T / ρ > h) = exp(-h / 2). The test is a
-likelihood ratio for a change in a sliding window (Willsky and Jones, IEEE Trans. Autom. Control 21 (1976), 108-112;
-Lai, J. R. Stat. Soc. B 57 (1995), 613-658).
+With noise alone, T has the χ² distribution with 2 degrees of freedom, so P(T > h) = exp(-h / 2), and W has as many as
+there are pairs, n. The test is a likelihood ratio for a change in a sliding window (Willsky and Jones, IEEE Trans.
+Autom. Control 21 (1976), 108-112; Lai, J. R. Stat. Soc. B 57 (1995), 613-658).
 
 The decision
 ------------
-    slip:    T > h ρ + SIDEWAYS_SHARE W    and    |v_xy| > LEAST_MM_S,    h = 2 ln(frame rate x NOISE_ALARM_S)
+    still:    W and T are noise, or |v| in every direction is below `STILL_MM_S`
+    slip:     T > h + SIDEWAYS_SHARE (W - n)    and    |v_xy| > LEAST_MM_S,    h = 2 ln(frame rate x NOISE_ALARM_S),
+              and the touch was still `ONSET_S` ago at most, or slips already
 
 Noise alone exceeds h once in `NOISE_ALARM_S` at most. A press that goes deeper, and a release, change the signals by
 far more than noise. Slopes of a model are not exact, so a part of this change resembles a sideways movement. The term
-with W therefore demands that a share of the change is sideways; for steps of gain it does so, too. Slow drift stays
-below the least speed. `docs/validation/slip.md` has the share found, the delay and the false alarms.
+with W therefore demands that a share of the change is sideways; for steps of gain it does so, too. A movement that
+began as a press remains one until the touch is still again, because the way bends. Slow drift stays below the least
+speed. `docs/validation/slip.md` has the share found, the delay and the false alarms.
 
 A model without slopes (any but a signal map) predicts x, y and depth alone. These replace the signals: J is the unit
 matrix, and the noise follows from the scatter of the predictions.
 
 Left out: whether the surface moves along. An object that sticks and drags the pad's surface along moves the dimple as
-one that slides, so it counts as slipping if it is faster than `LEAST_MM_S`; a slower slide is not found. Also left out
-are the first `WINDOW_S` of a touch, slides during a fast press or release, and turns of the object on its place.
+one that slides, so it may count as slipping if it is faster than `LEAST_MM_S`; a slower slide is not found. Also left
+out are slides that begin during a press or a release, and turns of the object on its place.
 """
 
 from __future__ import annotations
@@ -58,7 +63,7 @@ FEWEST_FRAMES = 3
 LEAST_MM_S = 2.0
 """Sideways speed above which a movement is a slip [mm/s]."""
 
-SIDEWAYS_SHARE = 0.25
+SIDEWAYS_SHARE = 0.15
 """Share of the whole change of the signals that a slip must explain beside depth and gains [-]."""
 
 NOISE_ALARM_S = 3600.0
@@ -220,7 +225,7 @@ class Movement:
     Attributes
     ----------
     speed_mm_s : v, along x, y and depth [mm/s]
-    sideways, whole : T and W of the module's equations
+    sideways, whole : T and W of the module's equations [-]
     """
 
     speed_mm_s: FloatArray

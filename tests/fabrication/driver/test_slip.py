@@ -77,6 +77,15 @@ def test_a_step_of_gain_and_drift_are_no_slip() -> None:
     assert not touched.slips(still, 1.02 * gains.ravel())
 
 
+def test_a_movement_that_begins_as_a_press_is_no_slip_until_the_touch_is_still_again() -> None:
+    touched = Touched(450.0)
+    deeper = touched.moved((0.0, 0.0, 10.0), 0.1)
+    sideways = deeper[-1] + np.arange(1, 30)[:, None] * np.array([20.0, 0.0, 0.0]) / 450.0
+    assert not touched.slips(np.concatenate([deeper, sideways]))
+    assert not touched.slips(np.tile(sideways[-1], (40, 1)))
+    assert touched.slips(sideways[-1] + np.arange(1, 20)[:, None] * np.array([0.0, 20.0, 0.0]) / 450.0)
+
+
 def test_a_new_touch_and_one_after_a_gap_begin_anew() -> None:
     touched = Touched(450.0)
     touched.detector.forget()
@@ -106,10 +115,10 @@ def test_a_model_without_slopes_finds_slides_from_its_locations() -> None:
 def test_movement_is_least_squares_with_the_depth_unknown() -> None:
     rng = np.random.default_rng(4)
     slopes, rate, weight = rng.standard_normal((3, 9)), rng.standard_normal(9), rng.uniform(1.0, 2.0, 9)
-    speed, sideways, whole = movement(rate, slopes, whitening(weight[None], np.zeros((1, 1, 9))))
+    found = movement(rate, slopes, whitening(weight[None], np.zeros((1, 1, 9))))
     root = np.sqrt(weight)
     full, rest, *_ = np.linalg.lstsq((slopes * root).T, rate * root)
     _, rest_of_depth, *_ = np.linalg.lstsq((slopes[2:] * root).T, rate * root)
-    assert speed == pytest.approx(full[:2])
-    assert sideways == pytest.approx(float(rest_of_depth[0] - rest[0]))
-    assert whole == pytest.approx(float((weight * rate**2).sum()))
+    assert found.speed_mm_s == pytest.approx(full, rel=1e-6)
+    assert found.sideways == pytest.approx(float(rest_of_depth[0] - rest[0]))
+    assert found.whole == pytest.approx(float((weight * rate**2).sum()))
