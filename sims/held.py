@@ -39,8 +39,8 @@ from optopad.sims.verdict.presses import untouched_flux
 Place = tuple[float, float]
 AT_ONCE = 32
 """Tops that are held in memory together; each has 1 to 3 MB."""
-FORCE_ERROR, FORCE_ROUNDS = 0.003, 4
-"""Accepted relative error of the force under a sideways load, and most corrections of the depth."""
+FORCE_ERROR, FORCE_ROUNDS = 0.001, 8
+"""Accepted relative error of the force under a sideways load, and most depths that are tried."""
 RIM_STEP_MM = 0.5
 """Distance of the nodes beyond the pad at which objects are compared with the mold's rim."""
 
@@ -80,11 +80,14 @@ class AskedPress:
         ------
         InputError : the objects have different ones.
         """
-        given = dict.fromkeys(one.friction for one in self.held)
-        if len(given) > 1:
-            raise InputError("friction: the objects of one press have different ones; give all the same")
-        (found,) = given
-        return data_quantities("friction.toml")["dry"].value if found is None else found
+        usual = data_quantities("friction.toml")["dry"].value
+        found = {usual if one.friction is None else one.friction for one in self.held}
+        if len(found) > 1:
+            raise InputError(
+                f"friction: {', '.join(f'{one:g}' for one in sorted(found))} in one press; give all objects that move "
+                f"sideways the same; without one it is {usual:g}"
+            )
+        return found.pop()
 
     @property
     def reflectance(self) -> float | None:
@@ -166,7 +169,8 @@ def require_asked(draft: Draft, asked: AskedPress) -> None:
     if asked.shear_mm is not None and asked.pull_n is not None:
         raise InputError("--shear: does not go with --pull, which decides how far the objects move; drop one")
     assert asked.reflectance is None or asked.reflectance >= 0.0
-    assert asked.friction >= 0.0
+    if asked.is_sideways:
+        _ = asked.friction
     for one in asked.held:
         x, y = _place(one, asked)
         if not space.contains(x, y):
@@ -181,7 +185,7 @@ def require_asked(draft: Draft, asked: AskedPress) -> None:
 def require_way(draft: Draft, from_mm: Place, path_mm: FloatArray) -> None:
     """Refuse a path (n, 2) from a place that leads out of the workspace."""
     space = draft.workspace
-    for dx, dy in np.asarray(path_mm).tolist():
+    for dx, dy in np.round(path_mm, 3).tolist():
         x, y = from_mm[0] + dx, from_mm[1] + dy
         if not space.contains(x, y):
             raise ModelScopeError(
@@ -197,7 +201,12 @@ def pressed(draft: Draft, asked: AskedPress) -> HeldPress:
     if asked.pull_n is None:
         return _Bottoms(draft, asked).press()
     bottoms, pull = _Bottoms(draft, asked), asked.pull_n
-    return bottoms.at_force(lambda depth: pulled(**bottoms.sideways(depth), pull_n=bottoms.in_frame(pull)))
+    found = bottoms.at_force(lambda depth: pulled(**bottoms.sideways(depth), pull_n=bottoms.in_frame(pull)))
+    bottoms.require_rim(found.depth_mm, np.array(found.shear_mm))
+    found = bottoms.in_cavity(found)
+    for one in asked.held:
+        require_way(draft, _place(one, asked), np.array([found.shear_mm]))
+    return found
 
 
 def slid_presses(draft: Draft, asked: AskedPress, path_mm: FloatArray) -> list[HeldPress]:
@@ -218,7 +227,7 @@ def slid_presses(draft: Draft, asked: AskedPress, path_mm: FloatArray) -> list[H
     bottoms.at_force(end)
     for shift in path:
         bottoms.require_rim(found[-1].depth_mm, shift)
-    return found
+    return [bottoms.in_cavity(one) for one in found]
 
 
 class _Bottoms:
@@ -263,15 +272,20 @@ class _Bottoms:
 
     def at_force(self, moved: Callable[[float], HeldPress]) -> HeldPress:
         """A press that is a function of its depth [mm], with the force that is asked for, if any."""
-        depth, wanted = self.press().depth_mm, self._asked.force_n
-        found = moved(depth)
-        for _ in range(FORCE_ROUNDS if wanted is not None else 0):
-            assert wanted is not None
-            if abs(found.force_n - wanted) <= FORCE_ERROR * wanted:
-                break
-            depth *= (wanted / found.force_n) ** (2.0 / 3.0)
+        wanted = self._asked.force_n
+        if wanted is None:
+            self.require_rim(max(self._depths))
+            return moved(max(self._depths))
+        depth = self.press().depth_mm
+        for _ in range(FORCE_ROUNDS):
             found = moved(depth)
-        return found
+            if abs(found.force_n - wanted) <= FORCE_ERROR * wanted:
+                return found
+            depth *= (wanted / found.force_n) ** (2.0 / 3.0)
+        raise ModelScopeError(
+            f"force: no depth was found at which the objects press with {wanted:g} N after their motion sideways; move "
+            "them less far, or give --depth"
+        )
 
     def sideways(self, depth_mm: float) -> dict[str, Any]:
         """The arguments of `slid` and `pulled` at a depth."""
@@ -284,11 +298,17 @@ class _Bottoms:
             "friction": asked.friction,
         }
 
-    def in_frame(self, sideways: Place) -> Place:
-        """Components along the press frame's x and y of a vector along those of the cavity."""
-        angle = math.radians(self._draft.plan.top.frame_turn_deg)
+    def in_frame(self, sideways: Place, sign: float = 1.0) -> Place:
+        """Components along the press frame's x and y of a vector along those of the cavity; the inverse with -1."""
+        angle = sign * math.radians(self._draft.plan.top.frame_turn_deg)
         x, y = sideways
         return math.cos(angle) * x + math.sin(angle) * y, math.cos(angle) * y - math.sin(angle) * x
+
+    def in_cavity(self, press: HeldPress) -> HeldPress:
+        """A press with its sideways motion and force along the cavity's x and y."""
+        return replace(
+            press, shear_mm=self.in_frame(press.shear_mm, -1.0), pull_n=self.in_frame(press.pull_n, -1.0)
+        )
 
     def require_rim(self, depth_mm: float, shift_mm: FloatArray | None = None) -> None:
         """Refuse objects that touch the rim at a depth, also if they are moved sideways (2,)."""

@@ -17,9 +17,10 @@ The data
 --------
 Each press has `APPROACH_MM` frames above the pad, then `TOUCHED` frames at its depth. All presses are taken twice, in
 ambient light and in the dark, so that learners see how gains drift between sets. Noise, drift and errors of the stage
-are those of `optopad.sims.readings.signal_chain`. Light is traced at the listed press. So the errors of the stage are
-subtracted from the reported place and depth, and the spread is the same. An object is lifted when the time of its press
-is over. With `noise.release_residue`, the next press of the set still has its remainder.
+are those of `optopad.sims.readings.signal_chain`. The label is the place where the object is after a motion sideways.
+Light is traced at the listed press. So the errors of the stage are subtracted from the reported place and depth, and
+the spread is the same. An object is lifted when the time of its press is over. With `noise.release_residue`, the next
+press of the set still has its remainder.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ from optopad.design.press_protocol import MOST_PLACES
 from optopad.design.progress import OnStep
 from optopad.design.recordings import ROLES, SetEntry
 from optopad.design.spec import SensorDesign
-from optopad.sims.held import AskedPress, all_pressed, held_light, pressed, require_asked
+from optopad.sims.held import AskedPress, Place, all_pressed, held_light, pressed, require_asked
 from optopad.sims.optics.engine.threads import run_each
 from optopad.sims.readings.data_writer import ByPress, DataWriter
 from optopad.sims.readings.dataset import clipped_note, read_data
@@ -101,6 +102,16 @@ class ListedPress:
     where: str
     asked: AskedPress
     role: str
+
+    @property
+    def shear_mm(self) -> Place:
+        """How far the object moves sideways."""
+        return (0.0, 0.0) if self.asked.shear_mm is None else self.asked.shear_mm
+
+    @property
+    def place_mm(self) -> Place:
+        """Where the object is after that."""
+        return self.asked.at_mm[0] + self.shear_mm[0], self.asked.at_mm[1] + self.shear_mm[1]
 
 
 def read_presses(file: Path, default: HeldObject | None = None) -> tuple[ListedPress, ...]:
@@ -248,9 +259,16 @@ def held_data(
     )
     texts = [_text(one.asked.held[0]) for one in presses]
     rows = [
-        [text, *one.asked.at_mm, *amounts] for text, one, amounts in zip(texts, presses, solved, strict=True)
+        [text, *one.asked.at_mm, *one.shear_mm, *amounts]
+        for text, one, amounts in zip(texts, presses, solved, strict=True)
     ]
-    by_press: ByPress = {"object": texts, "force_n": [force for _, force in solved]}
+    is_sideways = any(any(one.shear_mm) for one in presses)
+    shears = {name: [one.shear_mm[k] for one in presses] for k, name in enumerate(SHEAR_COLUMNS)}
+    by_press: ByPress = {
+        "object": texts,
+        "force_n": [force for _, force in solved],
+        **(shears if is_sideways else {}),
+    }
     with DataWriter(
         file, header, asked=[asked, rows], journal_folder=journal_folder, by_press=by_press
     ) as writer:
@@ -338,10 +356,10 @@ def _drawn(
         window = wanted[start : start + WINDOW]
         asked = [presses[k].asked for k, _ in window]
         untouched, flux, depths = _light(draft, asked)
-        for (k, sets), one, touched, depth in zip(window, asked, flux, depths, strict=True):
+        for (k, sets), touched, depth in zip(window, flux, depths, strict=True):
             role = presses[k].role
             for s in sets:
-                yield of_sets[s].press(k, one.at_mm, depth, untouched, touched, last.get(role))
+                yield of_sets[s].press(k, presses[k].place_mm, depth, untouched, touched, last.get(role))
             if has_memory:
                 last[role] = Remainder(change=touched - untouched, released_s=PRESS_S * (k + 1))
         on_step("light", (start + len(window)) / len(wanted))

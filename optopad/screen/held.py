@@ -62,13 +62,24 @@ class HeldView(Result):
         press = self.press
         x, y = (round(one, 3) + 0.0 for one in press.shear_mm)
         pull, slips = float(np.hypot(*press.pull_n)), press.slip_share
-        does = "all of the contact slips" if slips > 0.995 else f"{slips:.0%} of the contact slips"
-        known = any(one.friction is not None for one in self.asked.held)
+        does = "all of the contact slips" if slips > 0.995 else f"{100.0 * slips:.0f} % of the contact slips"
+        return f"{x:.3g}, {y:.3g} mm by {pull:.3g} N{self._band(pull)}; {does}"
+
+    @property
+    def _friction(self) -> str:
+        """How much pull the pad holds, and the friction it rests on."""
         band = data_quantities("friction.toml")["dry"]
-        friction = "" if known else f", assumed for dry silicone ({band.low:g} to {band.high:g})"
+        known = any(one.friction is not None for one in self.asked.held)
+        assumed = "" if known else f" (assumed; dry silicone has {band.low:g} to {band.high:g})"
         return (
-            f"{x:.3g}, {y:.3g} mm by {pull:.3g} N; {does}; the pad holds {press.holds_n:.3g} N at most, "
-            f"with a friction of {self.asked.friction:g}{friction}"
+            f"{self.asked.friction:g}{assumed}; with the pad that is raised in front, it holds up to "
+            f"{self.press.holds_n:.3g} N"
+        )
+
+    def _band(self, force_n: float) -> str:
+        low, high = band_factors(self.young)
+        return (
+            "" if low == high else f" ({low * force_n:.3g} to {high * force_n:.3g} N over the modulus's band)"
         )
 
     @cached_property
@@ -91,20 +102,22 @@ class HeldView(Result):
 
     def lines(self) -> list[str]:
         """The press, the most important first."""
-        press, (low, high) = self.press, band_factors(self.young)
-        force = press.force_n
-        band = "" if low == high else f" ({low * force:.3g} to {high * force:.3g} N over the modulus's band)"
+        press = self.press
         changed = np.abs(self.changes) >= DEADBAND_THRESHOLD
         highest = 1000.0 * float(press.top.height_mm.max())
         lines = [
             labelled("press", self.words),
-            labelled("load", f"{force:.3g} N{band}"),
+            labelled("load", f"{press.force_n:.3g} N{self._band(press.force_n)}"),
             labelled(
                 "contact",
                 f"{press.area_mm2:.3g} mm2; largest pressure {press.pressure_mpa.max():.2g} MPa; the top rises by up "
                 f"to {highest:.0f} um next to it",
             ),
-            *([labelled("sideways", self._sideways)] if self.asked.is_sideways else []),
+            *(
+                [labelled("sideways", self._sideways), labelled("friction", self._friction)]
+                if self.asked.is_sideways
+                else []
+            ),
             labelled(
                 "signals",
                 f"{int(changed.sum())} of {changed.size} pairs change by {DEADBAND_THRESHOLD:g} sigma or more; all "
@@ -144,7 +157,7 @@ class HeldView(Result):
             "shear_mm": list(press.shear_mm),
             "pull_n": list(press.pull_n),
             "slip_share": press.slip_share,
-            "friction": self.asked.friction,
+            "friction": self.asked.friction if self.asked.is_sideways else None,
             "largest_pressure_mpa": float(press.pressure_mpa.max()),
             "largest_rise_mm": float(press.top.height_mm.max()),
             "emitters": [part.name for part in cavity.emitters],

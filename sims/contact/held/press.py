@@ -88,7 +88,8 @@ class HeldPress:
     depth_mm : depth from first touch
     notes : notes for the user
     shear_mm : how far the objects moved sideways after the press, along the frame's x and y
-    pull_n : sideways force of the objects on the pad, along the frame's x and y
+        (`optopad.sims.held` gives it along the cavity's)
+    pull_n : sideways force of the objects on the pad, as `shear_mm`
     slip_share : share of the contact's area that slips [-]
     holds_n : largest sideways force before all of the contact slips; 0 for a press without a sideways motion
     """

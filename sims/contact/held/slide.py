@@ -42,13 +42,13 @@ from scipy.ndimage import binary_dilation, map_coordinates, spline_filter
 from optopad.design.arrays import BoolArray, FloatArray
 from optopad.design.errors import InputError, ModelScopeError
 from optopad.design.held_object import LARGEST_FRICTION
+from optopad.design.rules.touch import LARGEST_HELD_SHARE
 from optopad.sims.contact.held.press import (
     FORGIVEN,
     REACH,
     SETTLED,
     HeldPress,
     Pad,
-    at_depth,
     require_scope,
     settled,
     touched,
@@ -65,12 +65,13 @@ and factor of the part of a round that is taken, which falls with its number: po
 SIDEWAYS_ERROR = 1e-3
 """Accepted sideways error of the top where it sticks, over the step [-]."""
 MOST_STEPS = 2000
-PULL_ERROR = 0.005
-"""Accepted error of a sideways force, over the force [-]."""
+PULL_ERROR, LEAST_PULL = 0.001, 0.01
+"""Accepted error of a sideways force, over the force, or over this share of the largest one if that is more [-]."""
+PILOT_MM, CAREFUL, MOST_PULLS = 0.005, 0.8, 60
+"""First motion of a pull [mm], share of each later one that its stiffness asks for, and the most of them: a pull grows,
+and only at its end it may go back by its error."""
 CEILING = 0.1
 """Height of the objects' surface above the pressed depth from which on its form does not matter [thicknesses]."""
-LONGEST_MM = 2.0
-"""Longest sideways motion until a pull is reached [mm]; beyond it, friction does not hold."""
 
 
 def slid(
@@ -129,26 +130,31 @@ def pulled(
 
     Raises
     ------
-    ModelScopeError : friction does not hold the objects.
+    ModelScopeError : the pad does not hold the objects.
     """
     if not np.isfinite(pull_n).all():
         raise InputError("pull: needs two finite numbers of newtons")
     slide, wanted = _begun(contact, at_mm, bottoms, depth_mm, friction), np.asarray(pull_n, np.float64)
-    size = float(np.hypot(*wanted))
-    holds = slide.press().holds_n
-    step, now = STEP_MM * wanted / max(size, 1e-12) * min(1.0, size / max(holds, 1e-12)), np.zeros(2)
-    while size > 0.0 and np.hypot(*(wanted - now)) > PULL_ERROR * size:
-        if size >= holds or np.hypot(*slide.at) > LONGEST_MM:
-            raise ModelScopeError(
-                f"pull: {size:.3g} N is more than the pad holds: at most {holds:.3g} N with a friction of "
-                f"{friction:g}; the objects would slide: pull less, press harder, or give --shear instead"
-            )
+    size, holds, now = float(np.hypot(*wanted)), slide.press().holds_n, np.zeros(2)
+    if size >= holds > 0.0 or size > holds:
+        raise ModelScopeError(
+            f"pull: {size:.3g} N is more than the pad holds: at most {holds:.3g} N with a friction of {friction:g}; "
+            "the objects would slide: pull less, press harder, or give --shear instead"
+        )
+    step = PILOT_MM * wanted / max(size, 1e-12)
+    for _ in range(MOST_PULLS):
+        left = float(np.hypot(*(wanted - now)))
+        if left <= PULL_ERROR * max(size, LEAST_PULL * holds):
+            return slide.press()
         slide.advance(slide.at + step)
         before, now = now, slide.pull_n
         stiffness = float((now - before) @ step) / float(step @ step)
         step = (wanted - now) / max(stiffness, 1e-9)
-        step *= min(1.0, STEP_MM / float(np.hypot(*step)))
-    return slide.press()
+        step *= min(CAREFUL if left > 0.1 * size else 1.0, STEP_MM / max(float(np.hypot(*step)), 1e-12))
+    raise NotSettledError(
+        f"pull: {size:.3g} N was not reached; it is close to the {holds:.3g} N that the pad holds, or very small: pull "
+        "less or more, or give --shear instead"
+    )
 
 
 def _begun(contact: Contact, at_mm: Place, bottoms: FloatArray, depth_mm: float, friction: float) -> Slide:
@@ -168,15 +174,17 @@ class Slide:
         """Press them, given the gap (nx, ny) at first touch."""
         self.pad, self.depth_mm, self.friction = pad, depth_mm, friction
         self._stiffness = pad.thickness_mm / (pad.thickness_mm - depth_mm)
-        start = at_depth(pad, gap, depth_mm)
-        self._start = replace(start, holds_n=self._holds_n(start.force_n))
-        if self._start.force_n == 0.0:
+        require_scope(pad, gap, depth_mm)
+        if gap.min() >= depth_mm:
             raise InputError(
                 f"shear: at {depth_mm:g} mm the objects do not touch the pad, so nothing holds them; press deeper"
             )
         self.at = np.zeros(2)
-        pressure = self._start.pressure_mpa / pad.shear_mpa
-        load, moved = pad.pressed(pad.slope * np.where(pad.wall_mm > 1e-9, gap - depth_mm, np.inf), depth_mm)
+        overlap = np.where(pad.wall_mm > 1e-9, gap - depth_mm, np.inf)
+        load, moved = pad.pressed(pad.slope * overlap, depth_mm)
+        start = settled(pad, overlap, load, moved, depth_mm)
+        self._start = replace(start, holds_n=self._holds_n(start.force_n))
+        pressure = start.pressure_mpa / pad.shear_mpa
         self._softness = float(pressure.sum() / (load * pad.slope).sum())
         none = np.zeros((2, *load.shape))
         self.load, self.moved = np.concatenate([none, load[None]]), np.concatenate([none, moved[None]])
@@ -222,6 +230,12 @@ class Slide:
             if not beyond.any():
                 break
             near |= beyond
+        farthest, most = float(np.hypot(*moved[:2]).max()), LARGEST_HELD_SHARE * pad.thickness_mm
+        if farthest > most:
+            raise ModelScopeError(
+                f"shear: the top would be dragged along by {farthest:.3g} mm; the model covers {most:.3g} mm, "
+                f"{LARGEST_HELD_SHARE:.0%} of the layer; move the objects less far, or press less deep"
+            )
         self.at, self.load, self.is_slipping = to, load, is_slipping
         self._linear, self.moved = linear, moved
 
@@ -310,14 +324,21 @@ class Slide:
         at = self._places - moved
         for _ in range(PLACE_ROUNDS):
             shift = np.stack([map_coordinates(one, at, order=1, mode="nearest") for one in moved])
-            at = self._places - shift
+            change, at = np.abs(self._places - shift - at).max(), self._places - shift
+            if change * self.pad.step_mm <= PLACE_ERROR_MM:
+                break
+        else:
+            raise ModelScopeError(
+                "shear: the top would fold next to the objects, which the model does not cover; move them less far"
+            )
         level = map_coordinates(top.level, at, order=1, mode="nearest")
         height = map_coordinates(top.height_mm, at, order=3, mode="nearest")
         exact = self.overlap(self.at, np.zeros_like(moved))
         return replace(top, height_mm=np.where(level > 0.0, exact, height), level=level)
 
 
-PLACE_ROUNDS = 6
+PLACE_ROUNDS, PLACE_ERROR_MM = 100, 1e-3
+"""Most rounds in which the points that are now at the nodes are found, and accepted error of their places [mm]."""
 
 
 def _sideways_load(

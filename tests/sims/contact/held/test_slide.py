@@ -134,7 +134,10 @@ def test_a_pull_is_reached_or_refused() -> None:
     held = moved((0.0, 0.0))[0].holds_n
     arguments = {"contact": PAD, "at_mm": AT, "bottoms": ball(), "depth_mm": DEPTH, "friction": FRICTION}
     found = pulled(**arguments, pull_n=(0.5 * held, 0.2 * held))
-    assert found.pull_n == pytest.approx((0.5 * held, 0.2 * held), rel=0.02)
+    assert found.pull_n == pytest.approx((0.5 * held, 0.2 * held), rel=0.003)
+    (same,) = moved(found.shear_mm)
+    assert same.pull_n == pytest.approx(found.pull_n, rel=0.01), "a pull grows and does not come back"
+    assert pulled(**arguments, pull_n=(1e-9, 0.0)).shear_mm == pytest.approx((0.0, 0.0), abs=0.01)
     with pytest.raises(ModelScopeError, match="more than the pad holds"):
         pulled(**arguments, pull_n=(1.1 * held, 0.0))
 
