@@ -157,7 +157,7 @@ def sideways() -> Iterator[Figure]:
     rows = [row for row in table(page, "object", "pull/E") if row["force %"] != "refused"]
     moved = [row for row in rows if number(row["shear mm"]) > 0.0]
     for name in ("long cylinder", "ball"):
-        kept = [row for row in moved if row["object"].startswith(name)]
+        kept = [row for row in moved if row["object"].startswith(name) and "friction" not in row["object"]]
         figure = f"shear.{name.split()[-1]}"
         yield made(page, f"{figure}.force", max(map(abs, column(kept, "force %"))), ".1f")
         yield made(page, f"{figure}.pull", max(map(abs, column(kept, "pull %"))), ".0f")
