@@ -92,6 +92,7 @@ validate: setup ## the figures of docs/validation, made anew (hours; interrupted
 	$(BIN)/python -m tests.validation.verdict.search_table
 	$(BIN)/python -m tests.validation.verdict.thickness
 	$(BIN)/python -m tests.validation.driver.link_table
+	$(BIN)/python -m tests.validation.driver.slip_table
 	$(BIN)/python -m tests.validation.learning.signal_map_table
 	$(BIN)/python -m tests.validation.learning.hidden_builds
 	$(BIN)/python -m tests.validation.driver.firmware_rates

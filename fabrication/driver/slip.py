@@ -36,9 +36,10 @@ speed. `docs/validation/slip.md` has the share found, the delay and the false al
 A model without slopes (any but a signal map) predicts x, y and depth alone. These replace the signals: J is the unit
 matrix, and the noise follows from the scatter of the predictions.
 
-Left out: whether the surface moves along. An object that sticks and drags the pad's surface along moves the dimple as
-one that slides, so it may count as slipping if it is faster than `LEAST_MM_S`; a slower slide is not found. Also left
-out are slides that begin during a press or a release, and turns of the object on its place.
+Left out: friction. An object that sticks drags the pad's surface along, which moves the dimple less and changes the
+signals by shear, too. It may count as slipping if it is faster than `LEAST_MM_S`; a slow slide that follows without a
+pause is mostly missed. Also left out are slower slides, slides that begin during a press or a release, and turns of the
+object on its place.
 """
 
 from __future__ import annotations

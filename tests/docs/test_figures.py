@@ -26,6 +26,7 @@ MADE_WHOLE = (
     "link",
     "memory",
     "search",
+    "slip",
     "thickness",
     "touch",
 )

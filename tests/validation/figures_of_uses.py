@@ -174,3 +174,9 @@ def driver() -> Iterator[Figure]:
     rows = table(page, "line", "sent", "intact")
     yield made(page, "link.frames", sum(column(rows, "sent")) / 1e6, ".0f")
     yield made(page, "link.intact", min(column(rows, "of these delivered")), ".3f")
+    page = "docs/validation/slip.md"
+    rows = [row for row in table(page, "depth mm", "found in 30 ms %") if row["frames a second"] == "1000"]
+    yield made(page, "slip.found", min(column(rows, "found in 30 ms %")), ".0f")
+    yield made(page, "slip.delay", max(column(rows, "median ms")), ".0f")
+    (presses,) = (row for row in table(page, "sensor", "false alarms") if row["frames a second"] == "1000")
+    yield made(page, "slip.alarms", number(presses["false alarms"]), ".0f")

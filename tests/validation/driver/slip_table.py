@@ -20,7 +20,7 @@ from optopad.design.held_object import Sphere
 from optopad.design.io import write_text_atomically
 from optopad.design.preset import preset
 from optopad.fabrication.driver.simulated.finger import FingerPath
-from optopad.fabrication.driver.slip import LEAST_MM_S, SlipDetector
+from optopad.fabrication.driver.slip import SlipDetector
 from optopad.sims.held import AskedPress, held_light, slid_presses
 from tests.validation.contact.contact_table import markdown_table
 from tests.validation.driver.slip_frames import (
@@ -39,7 +39,9 @@ from tests.validation.driver.slip_frames import (
 PAGE = Path(__file__).parents[3] / "docs" / "validation" / "slip.md"
 SEED = 100
 """First seed of the table; the detector's constants were chosen with seeds below 20."""
-PRESSING_S = 600.0
+PRESSING_S, WARM_S = 150.0, 15.0
+"""Time of presses of a sitting in which alarms are counted, and time of presses before slides and loads, after which
+the detector knows the scatter of the frames [s]."""
 SPEEDS_MM_S, DEPTHS_MM, SLIDES = (5.0, 20.0, 100.0), (1.0, 2.0), 20
 SOON_S, LATE_S = 0.03, 0.1
 
@@ -61,6 +63,7 @@ class Case:
     changes: dict[str, object]
     is_quick: bool
     places_mm: Sequence[tuple[float, float]]
+    sittings: Sequence[int]
 
 
 CASES = (
@@ -70,13 +73,15 @@ CASES = (
         changes={},
         is_quick=True,
         places_mm=((14.0, 17.0),),
+        sittings=(100, 101, 102, 103),
     ),
     Case(
         title="paper's pad, Teensy 4.0",
         name="piacenza2017-pad",
         changes={"board.kind": "teensy-40", "board.frame_rate_hz": 450.0},
         is_quick=True,
-        places_mm=((14.0, 17.0),),
+        places_mm=(),
+        sittings=(100,),
     ),
     Case(
         title="gripper's pad, Teensy 4.0",
@@ -84,13 +89,14 @@ CASES = (
         changes={},
         is_quick=False,
         places_mm=((14.0, 11.0),),
+        sittings=(100, 102),
     ),
 )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sitting:
-    """A sitting of ten minutes of presses, after which the detector knows the scatter of the frames."""
+    """A sitting of presses, with the number of its alarms."""
 
     bench: Bench
     unit: Unit
@@ -199,17 +205,19 @@ def shown(delays_s: FloatArray) -> list[str]:
 def rows_of(case: Case) -> tuple[list[list[str]], list[str], list[list[str]]]:
     """Rows of a sensor in the tables of slides, of presses, and of objects that stick first."""
     design = preset(case.name).with_(**case.changes)
-    held = pressed_for(bench_of(case.name, design, quick=case.is_quick), PRESSING_S, SEED)
-    start = [case.title, f"{held.bench.rate_hz:.0f}"]
+    bench = bench_of(case.name, design, quick=case.is_quick)
+    alarms = sum(pressed_for(bench, PRESSING_S, seed).alarms for seed in case.sittings)
+    start = [case.title, f"{bench.rate_hz:.0f}"]
+    held = pressed_for(bench, WARM_S, SEED)
     slides = [
         [*start, f"{depth:g}", f"{speed:g}", *shown(slide_delays_s(held, depth, speed, SLIDES))]
         for depth in DEPTHS_MM
         for speed in SPEEDS_MM_S
     ]
-    print(*slides, held.alarms, sep="\n", flush=True)
-    seen = [dragged(held.bench, place) for place in case.places_mm]
+    seen = [dragged(bench, place) for place in case.places_mm]
+    held = pressed_for(bench, WARM_S, SEED)
     loads = []
-    for speed in LOAD_MM_S:
+    for speed in LOAD_MM_S if seen else ():
         stuck = load_delays_s(held, seen, speed, STUCK_MM)
         whole = load_delays_s(held, seen, speed, DRAGGED_MM[-1])
         begins_mm = np.median(whole) * speed
@@ -223,8 +231,7 @@ def rows_of(case: Case) -> tuple[list[list[str]], list[str], list[list[str]]]:
                 f"{max(one.slides_from_mm for one in seen):g}",
             ]
         )
-    print(*loads, sep="\n", flush=True)
-    return slides, [*start, f"{held.alarms}"], loads
+    return slides, [*start, f"{len(case.sittings) * PRESSING_S / 60.0:g}", str(alarms)], loads
 
 
 def main() -> None:
@@ -236,10 +243,9 @@ def main() -> None:
         PAGE,
         PAGE_TEXT.format(
             least=min(int(row[4]) for row in fast),
-            alarms=found[-1][1][2],
-            least_mm_s=LEAST_MM_S,
+            alarms=found[-1][1][3],
             slide_mm=SLIDE_MM,
-            minutes=PRESSING_S / 60.0,
+            minutes=found[-1][1][2],
             count=SLIDES,
             friction=FRICTION,
             stuck_mm=STUCK_MM,
@@ -257,7 +263,7 @@ def main() -> None:
                 slides,
             ),
             presses=markdown_table(
-                ["sensor", "frames a second", "alarms in ten minutes"], [row for _, row, _ in found]
+                ["sensor", "frames a second", "minutes", "false alarms"], [row for _, row, _ in found]
             ),
             loads=markdown_table(
                 [
@@ -280,9 +286,9 @@ PAGE_TEXT = """\
 
 **Question.** How soon does the driver find that a touch slips, and how often does it report a slip that is none?
 
-**Answer.** At 1,000 frames a second, {least} % or more of the slides of {slide_mm:g} mm are found within 30 ms, at each
-of the speeds and depths below, with {alarms} false alarms in ten minutes of pressing. An object that drags the surface
-along without sliding counts as slipping when it moves faster than {least_mm_s:g} mm/s.
+**Answer.** At 1,000 frames a second, {least} % or more of the slides of {slide_mm:g} mm from rest are found within 30
+ms, at each of the speeds and depths below, with {alarms} false alarms in {minutes} minutes of pressing. An object
+that drags the surface along at 5 mm/s and then slides without a pause is mostly missed; most are found at 20 mm/s.
 
 ## Method
 
@@ -294,7 +300,7 @@ along without sliding counts as slipping when it moves faster than {least_mm_s:g
 - Slides: a tip goes in at 20 mm/s at a random place, is held for 0.2 s, and moves {slide_mm:g} mm in a random
   direction, {count} times each. The delay is from the onset to the end of the reading of the first frame that slips;
   the model's own time comes on top.
-- Presses: {minutes:g} minutes of presses at random places, of one to three depths from 0.3 mm to 2.5 mm each, at 2 to
+- Presses: minutes of presses at random places, of one to three depths from 0.3 mm to 2.5 mm each, at 2 to
   50 mm/s, with holds of 0.1 to 2 s. None of them moves sideways.
 - Loads: the tip's ball, 1 mm deep, is moved along x with a friction of {friction:g}
   (`optopad.sims.contact.held.slide`), at one place; frames are interpolated between ten states. Up to {stuck_mm:g} mm
@@ -319,8 +325,10 @@ sticks. *Found* and *found after* are for the whole motion; the whole contact sl
 
 - A fast slide is found within a few frames. A slow one needs the time in which it becomes faster than the noise: at 60
   frames a second and 5 mm/s, more than 30 ms.
-- A dimple that is dragged along and one that slides change the signals alike. The speed alone separates them: a load
-  that is put on slowly does not alarm, one that is put on quickly does.
+- A ball that sticks drags the surface along, and its dimple follows by two thirds of the way on the paper's pad. The
+  shear changes the signals, too, so the change is less like the model's sideways one, and few such loads alarm.
+- For the same reason, a slow slide that grows out of a drag without a pause is mostly missed: the detector asks for a
+  still touch shortly before a slip. Slides that begin from rest are found.
 - Missed slides are at places where the model's location is off by far, mostly near the border.
 - Left out: real skin, vibration of a gripper, slides of large flat objects, and errors of a manufactured unit that was
   not calibrated.
