@@ -324,8 +324,9 @@ class Slide:
         at = self._places - moved
         for _ in range(PLACE_ROUNDS):
             shift = np.stack([map_coordinates(one, at, order=1, mode="nearest") for one in moved])
-            change, at = np.abs(self._places - shift - at).max(), self._places - shift
-            if change * self.pad.step_mm <= PLACE_ERROR_MM:
+            off = self._places - shift - at
+            at = at + 0.5 * off
+            if np.abs(off).max() * self.pad.step_mm <= PLACE_ERROR_MM:
                 break
         else:
             raise ModelScopeError(
