@@ -12,9 +12,9 @@ gains of emitters and receivers (`optopad.sims.learning.inference.signal_map`). 
 frames around the line through both neighbours, averaged over `MEMORY_S`. So the noise may depend on the touch.
 
 A press that moves at the speed v = (v_x, v_y, v_depth) changes the signals by r = Jᵀv, with the slopes J of the
-model's signals at the predicted press. A further row of J is the way that the touch came: r in its last press with
-W > `STRONG` n, once it is still. On this way it goes deeper or back, whatever the model's slopes. Least squares for all
-rows give the sideways speed and its χ²:
+model's signals at the predicted press. A further row of J is the way that the touch came: r in the last frame of its
+last press with W > `STRONG` n, once it is still. On this way it goes deeper or back, whatever the model's slopes. Least
+squares for all rows give the sideways speed and its χ²:
 
     A = J C⁻¹ Jᵀ,    v = A⁻¹ J C⁻¹ r,    T = S v_xyᵀ [(A⁻¹)_xy]⁻¹ v_xy / ρ,    W = S rᵀ C⁻¹ r / ρ   (whole change)
 
@@ -27,7 +27,8 @@ The decision
     still:    W < n + `STILL_SIGMAS` √(2n)  and  T < h,    or |v| in every direction is below `STILL_MM_S`
     sideways: T > h + `SIDEWAYS_SHARE` max(W - n, 0)  and  |v_xy| > `LEAST_MM_S`,
               h = 2 ln(frame rate x `NOISE_ALARM_S`)
-    press:    neither, and  |v_depth| > max(|v_xy|, `LEAST_MM_S`)  or  W > `STRONG` n with T < `PRESS_SHARE` (W - n)
+    press:    neither, and  |v_depth| > max(`DEPTH_RATIO` |v_xy|, `LEAST_MM_S`)
+              or  W > `STRONG` n  and  T < `PRESS_SHARE` (W - n)
     slip:     either window is sideways, and no press since the touch was last still
 
 The short window alone decides on *still* and *press*. A touch begins as a press. While it is one, the long window is no
@@ -98,8 +99,9 @@ STILL_MM_S, STILL_SIGMAS = 1.0, 4.0
 STRONG = 10.0
 """Change of the signals, over that of noise, from which on a press has a direction, which is kept [-]."""
 
-PRESS_SHARE = 0.05
-"""Share of a strong change below which it is that of a press [-]."""
+DEPTH_RATIO, PRESS_SHARE = 2.0, 0.05
+"""A change is that of a press if the depth changes this much faster than x and y [-], or if it is strong and a smaller
+share than this is sideways [-]."""
 
 HOLD_S = 0.06
 """Time for which a slip is kept after the last frame that shows it, and three frames at least [s]."""
@@ -224,9 +226,9 @@ class SlipDetector:
             self._is_press = False
             if self._moved is not None:
                 self._way, self._moved = self._moved, None
-        elif not is_sideways and found.is_press(pairs):
-            self._is_press = True
-            if found.whole > STRONG * pairs:
+        else:
+            self._is_press = self._is_press or (not is_sideways and found.is_press(pairs))
+            if self._is_press and found.whole > STRONG * pairs:
                 self._moved = rate
         slides = (
             found if is_sideways else long if long is not None and long.is_sideways(pairs, least) else None
@@ -278,7 +280,7 @@ class Movement:
     def is_press(self, pairs: int) -> bool:
         """Whether the change is that of a press that goes deeper or back."""
         excess, (x_mm_s, y_mm_s, depth_mm_s) = self.whole - pairs, self.speed_mm_s
-        return abs(depth_mm_s) > max(LEAST_MM_S, math.hypot(x_mm_s, y_mm_s)) or (
+        return abs(depth_mm_s) > max(LEAST_MM_S, DEPTH_RATIO * math.hypot(x_mm_s, y_mm_s)) or (
             self.whole > STRONG * pairs and self.sideways < PRESS_SHARE * excess
         )
 
