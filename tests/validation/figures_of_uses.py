@@ -180,3 +180,4 @@ def driver() -> Iterator[Figure]:
     yield made(page, "slip.delay", max(column(rows, "median ms")), ".0f")
     (presses,) = (row for row in table(page, "sensor", "false alarms") if row["frames a second"] == "1000")
     yield made(page, "slip.alarms", number(presses["false alarms"]), ".0f")
+    yield made(page, "slip.minutes", number(presses["minutes"]), ".0f")
