@@ -44,7 +44,10 @@ def test_the_time_is_that_at_which_the_residue_is_below_the_models_threshold() -
     assert found.after_s == pytest.approx(2.0 * (0.05 / found.share - 1.0))
     assert found.low_s == pytest.approx(0.7 * (0.01 / found.share - 1.0))
     assert found.high_s == pytest.approx(1.4 * (0.07 / found.share - 1.0))
-    assert f"a touch of {TOUCH_MM:g} mm there is found again after {found.after_s:.1f} s" in str(found)
+    assert (
+        f"is found as often as on a rested pad, in 100 % of the frames, after {found.after_s:.1f} s"
+        in str(found)
+    )
 
 
 def test_a_measured_residue_has_no_band_and_a_model_with_false_alarms_no_time() -> None:
@@ -54,6 +57,6 @@ def test_a_measured_residue_has_no_band_and_a_model_with_false_alarms_no_time() 
     assert (measured.low_s, measured.high_s) == (None, None)
     wrong = found_again(CURVES, Dimmer(-0.1), learner="dimmer")
     assert (wrong.rested_alarms, wrong.share, wrong.after_s) == (1.0, None, None)
-    assert "not distinguished from the residue: more than 5% of the untouched frames of a rested pad" in str(
+    assert "not distinguished from the residue: more than 5 % of the untouched frames of a rested pad" in str(
         wrong
     )
