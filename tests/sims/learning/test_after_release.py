@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from optopad.design.arrays import FloatArray
-from optopad.sims.learning.after_release import LEAST_SHARE, STEPS, TOUCH_MM, found_again
+from optopad.sims.learning.after_release import LEAST_SHARE, STEPS, found_again
 from optopad.sims.learning.inference.touch_model import Prediction, prediction_of
 from tests.sims.learning.made_up_models import made_up_header
 from tests.sims.readings.test_protocol_data import PROTOCOL, made_up_light, quiet
