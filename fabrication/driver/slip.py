@@ -2,7 +2,8 @@
 
 The change of the last frames
 -----------------------------
-The last `WINDOW_S` of a touch, and at least three frames, give the rate of change of every signal s by a straight line,
+The last `WINDOW_S` of a touch, and at least three frames, give the rate of change of every signal s by a straight line.
+So do the last `LONG_WINDOW_S`, every `LOOK_S`, for slow slides:
 
     r = Σ (t - t̄) s / S,    S = Σ (t - t̄)²,    covariance of r by noise alone = ρ C / S
 
@@ -11,9 +12,9 @@ gains of emitters and receivers (`optopad.sims.learning.inference.signal_map`). 
 frames around the line through both neighbours, averaged over `MEMORY_S`. So the noise may depend on the touch.
 
 A press that moves at the speed v = (v_x, v_y, v_depth) changes the signals by r = Jᵀv, with the slopes J of the
-model's signals at the predicted press. A further row of J is the way that the touch came: r shortly before it was
-still. On this way it goes deeper or back, whatever the model's slopes. Least squares for all rows give the sideways
-speed and its χ²:
+model's signals at the predicted press. A further row of J is the way that the touch came: r in the last frame of its
+last press with W > `STRONG` n, once it is still. On this way it goes deeper or back, whatever the model's slopes. Least
+squares for all rows give the sideways speed and its χ²:
 
     A = J C⁻¹ Jᵀ,    v = A⁻¹ J C⁻¹ r,    T = S v_xyᵀ [(A⁻¹)_xy]⁻¹ v_xy / ρ,    W = S rᵀ C⁻¹ r / ρ   (whole change)
 
@@ -23,23 +24,30 @@ Autom. Control 21 (1976), 108-112; Lai, J. R. Stat. Soc. B 57 (1995), 613-658).
 
 The decision
 ------------
-    still:    W and T are noise, or |v| in every direction is below `STILL_MM_S`
-    slip:     T > h + SIDEWAYS_SHARE (W - n)    and    |v_xy| > LEAST_MM_S,    h = 2 ln(frame rate x NOISE_ALARM_S),
-              and the touch was still `ONSET_S` ago at most, or slips already
+    still:    W < n + `STILL_SIGMAS` √(2n)  and  T < h,    or |v| in every direction is below `STILL_MM_S`
+    sideways: T > h + `SIDEWAYS_SHARE` max(W - n, 0)  and  |v_xy| > `LEAST_MM_S`,
+              h = 2 ln(frame rate x `NOISE_ALARM_S`)
+    press:    neither, and  |v_depth| > max(`DEPTH_RATIO` |v_xy|, `LEAST_MM_S`)
+              or  W > `STRONG` n  and  T < `PRESS_SHARE` (W - n)
+    slip:     either window is sideways, and no press since the touch was last still
 
-Noise alone exceeds h once in `NOISE_ALARM_S` at most. A press that goes deeper, and a release, change the signals by
-far more than noise. Slopes of a model are not exact, so a part of this change resembles a sideways movement. The term
-with W therefore demands that a share of the change is sideways; for steps of gain it does so, too. A movement that
-began as a press remains one until the touch is still again, because the way bends. Slow drift stays below the least
-speed. `docs/validation/slip.md` has the share found, the delay and the false alarms.
+The short window alone decides on *still* and *press*. A touch begins as a press. While it is one, the long window is no
+longer than the short one, so a press does not reach into it later. A slip lasts until `HOLD_S`, or three frames, after
+the last frame that shows it, or until a press.
+
+Noise alone exceeds h once in `NOISE_ALARM_S` at most in each window. A press that goes deeper, and a release, change
+the signals by far more than noise. Slopes of a model are not exact, so a part of this change resembles a sideways
+movement. The term with W therefore demands that a share of the change is sideways; for steps of gain it does so, too. A
+press remains one until the touch is still again, because the way bends. An object that drags the pad's surface along
+hardly changes the depth, so its movement may become a slip at any time. Slow drift stays below the least speed.
+`docs/validation/slip.md` has the share found, the delay and the false alarms.
 
 A model without slopes (any but a signal map) predicts x, y and depth alone. These replace the signals: J is the unit
 matrix, and the noise follows from the scatter of the predictions.
 
 Left out: friction. An object that sticks drags the pad's surface along, which moves the dimple less and changes the
-signals by shear, too. It may count as slipping if it is faster than `LEAST_MM_S`; a slow slide that follows without a
-pause is mostly missed. Also left out are slower slides, slides that begin during a press or a release, and turns of the
-object on its place.
+signals by shear, too. It counts as slipping if it appears faster than `LEAST_MM_S`. Also left out are slower slides,
+slides that begin during a press or a release, and turns of the object on its place.
 """
 
 from __future__ import annotations
@@ -55,11 +63,14 @@ from optopad.fabrication.driver.drift import LEAST_NOISE_COUNTS
 from optopad.sims.learning.inference.signal_map import SignalMapModel, Whitening, whitening
 from optopad.sims.learning.inference.touch_model import Prediction, TouchModel
 
-WINDOW_S = 0.03
-"""Time over which the change of the signals is measured [s]."""
+WINDOW_S, LONG_WINDOW_S = 0.03, 0.1
+"""Times over which the change of the signals is measured [s]."""
+
+LOOK_S = 0.01
+"""Time from one look at the long window to the next [s]."""
 
 FEWEST_FRAMES = 3
-"""Least number of frames of a window; below 67 frames a second it is longer than `WINDOW_S`."""
+"""Least number of frames of a window: below 67 frames a second the short one is longer than `WINDOW_S`."""
 
 LEAST_MM_S = 2.0
 """Sideways speed above which a movement is a slip [mm/s]."""
@@ -86,15 +97,19 @@ STILL_MM_S, STILL_SIGMAS = 1.0, 4.0
 """A touch is still if it is slower than this [mm/s], or if its change is this many deviations above noise at most."""
 
 STRONG = 10.0
-"""Change of the signals, over that of noise, from which on its direction is kept as that of the depth [-]."""
+"""Change of the signals, over that of noise, from which on a press has a direction, which is kept [-]."""
 
-ONSET_S = 0.06
-"""Longest time from the last still frame to the first slipping one [s]."""
+DEPTH_RATIO, PRESS_SHARE = 2.0, 0.05
+"""A change is that of a press if the depth changes this much faster than x and y [-], or if it is strong and a smaller
+share than this is sideways [-]."""
+
+HOLD_S = 0.06
+"""Time for which a slip is kept after the last frame that shows it, and three frames at least [s]."""
 
 TINY = 1e-9
 
 LONGEST_GAP_S = 0.1
-"""Time without a frame after which a touch begins anew [s]."""
+"""Time without a frame after which a touch begins anew, and three frames at least [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,7 +145,7 @@ class SlipDetector:
             self._sigma = np.maximum(start.std(axis=0, ddof=1), LEAST_NOISE_COUNTS)
             self._gains = replace(self._map.noise, emitter_drift=FREE_GAIN, receiver_drift=FREE_GAIN)
         self._frames: deque[tuple[float, FloatArray, FloatArray]] = deque()
-        self._since_s = 0.0
+        self._since_s, self._period_s = 0.0, 0.0
         self.forget()
         self._scatter, self._scattered = 1.0, float(FEWEST_SCATTER)
 
@@ -149,7 +164,8 @@ class SlipDetector:
     def forget(self) -> None:
         """Begin a new touch."""
         self._frames.clear()
-        self._still_s, self._slips = -math.inf, False
+        self._slip, self._slipped_s, self._looked_s = NO_SLIP, -math.inf, -math.inf
+        self._is_press = True
         self._way: FloatArray | None = None
         self._moved: FloatArray | None = None
 
@@ -162,45 +178,66 @@ class SlipDetector:
         seen, slopes : what `seen` returns for this frame, shapes (m,) and (3, m)
         """
         frames = self._frames
-        if frames and not 0.0 < time_s - frames[-1][0] < LONGEST_GAP_S:
-            self.forget()
+        if frames:
+            gap_s = time_s - frames[-1][0]
+            if not 0.0 < gap_s < max(LONGEST_GAP_S, FEWEST_FRAMES * self._period_s):
+                self.forget()
+            self._period_s = gap_s
         if not frames:
             self._since_s = time_s
         frames.append((time_s, seen, slopes))
-        while len(frames) > FEWEST_FRAMES and time_s - frames[0][0] > WINDOW_S:
+        kept_s = WINDOW_S if self._is_press else LONG_WINDOW_S
+        while len(frames) > FEWEST_FRAMES and time_s - frames[0][0] > kept_s:
             frames.popleft()
         if len(frames) < FEWEST_FRAMES or time_s - self._since_s < WINDOW_S:
             return NO_SLIP
-        times_s, signals = np.array([one[0] for one in frames]), np.array([one[1] for one in frames])
+        count = max(sum(time_s - one[0] <= WINDOW_S for one in frames), FEWEST_FRAMES)
+        last = list(frames)
+        short = last[-count:]
+        signals = np.array([one[1] for one in short])
         noise = self._noise(signals.mean(axis=0))
-        self._follow_scatter(times_s[-3:], signals[-3:], noise)
+        self._follow_scatter(np.array([one[0] for one in short[-3:]]), signals[-3:], noise)
+        rate, found = self._moves(short, noise)
+        long = None
+        if len(last) > count and time_s - self._looked_s >= LOOK_S:
+            self._looked_s = time_s
+            long = self._moves(last, noise)[1]
+        return self._decided(time_s, rate, found, long)
+
+    def _moves(
+        self, frames: list[tuple[float, FloatArray, FloatArray]], noise: Whitening
+    ) -> tuple[FloatArray, Movement]:
+        """Rate of change of the signals in a window, and its movement."""
+        times_s = np.array([one[0] for one in frames])
         centred = times_s - times_s.mean()
-        rate = centred @ signals / float(centred @ centred)
+        square = float(centred @ centred)
+        rate = centred @ np.array([one[1] for one in frames]) / square
         known = np.mean([one[2] for one in frames], axis=0)
         if self._way is not None:
             known = np.concatenate([known, self._way[None]])
-        found = movement(rate, known, noise).over(self._scatter / float(centred @ centred))
-        return self._decided(time_s, rate, found, (len(frames) - 1) / (time_s - times_s[0]))
+        return rate, movement(rate, known, noise).over(self._scatter / square)
 
-    def _decided(self, time_s: float, rate: FloatArray, found: Movement, frame_hz: float) -> Slip:
+    def _decided(self, time_s: float, rate: FloatArray, found: Movement, long: Movement | None) -> Slip:
         pairs = len(rate)
-        least = 2.0 * math.log(frame_hz * NOISE_ALARM_S)
+        least = 2.0 * math.log(NOISE_ALARM_S / self._period_s)
+        is_sideways = found.is_sideways(pairs, least)
         is_noise = found.whole < pairs + STILL_SIGMAS * math.sqrt(2.0 * pairs) and found.sideways < least
         if is_noise or float(np.abs(found.speed_mm_s).max()) < STILL_MM_S:
-            self._still_s, self._slips = time_s, False
+            self._is_press = False
             if self._moved is not None:
                 self._way, self._moved = self._moved, None
-            return NO_SLIP
-        self._slips = (
-            found.sideways > least + SIDEWAYS_SHARE * max(found.whole - pairs, 0.0)
-            and math.hypot(*found.speed_mm_s[:2]) > LEAST_MM_S
-            and (self._slips or time_s - self._still_s < ONSET_S)
+        else:
+            self._is_press = self._is_press or (not is_sideways and found.is_press(pairs))
+            if self._is_press and found.whole > STRONG * pairs:
+                self._moved = rate
+        slides = (
+            found if is_sideways else long if long is not None and long.is_sideways(pairs, least) else None
         )
-        if self._slips:
-            return Slip(is_slipping=True, slip_mm_s=found.speed_mm_s[:2])
-        if found.whole > STRONG * pairs:
-            self._moved = rate
-        return NO_SLIP
+        if slides is not None and not self._is_press:
+            self._slip, self._slipped_s = Slip(is_slipping=True, slip_mm_s=slides.speed_mm_s[:2]), time_s
+        elif self._is_press or time_s - self._slipped_s > max(HOLD_S, FEWEST_FRAMES * self._period_s):
+            self._slip = NO_SLIP
+        return self._slip
 
     def _noise(self, signals: FloatArray) -> Whitening:
         gains = (
@@ -232,6 +269,20 @@ class Movement:
     speed_mm_s: FloatArray
     sideways: float
     whole: float
+
+    def is_sideways(self, pairs: int, least: float) -> bool:
+        """Whether the change is a slip's: more than noise, sideways by its share, and fast."""
+        return (
+            self.sideways > least + SIDEWAYS_SHARE * max(self.whole - pairs, 0.0)
+            and math.hypot(*self.speed_mm_s[:2]) > LEAST_MM_S
+        )
+
+    def is_press(self, pairs: int) -> bool:
+        """Whether the change is that of a press that goes deeper or back."""
+        excess, (x_mm_s, y_mm_s, depth_mm_s) = self.whole - pairs, self.speed_mm_s
+        return abs(depth_mm_s) > max(LEAST_MM_S, DEPTH_RATIO * math.hypot(x_mm_s, y_mm_s)) or (
+            self.whole > STRONG * pairs and self.sideways < PRESS_SHARE * excess
+        )
 
     def over(self, scale: float) -> Movement:
         """The same with χ² divided by a variance."""

@@ -22,8 +22,9 @@ HOVER_MM = -1.0
 """Depth of a lifted finger [mm]; at a depth of 0 or less, the pad is untouched."""
 
 
-DRAG_MM = 0.4
-"""Distance by which the demonstration's finger drags the pad's surface along before it slides [mm]."""
+DRAG_MM, SLIDE_MM_S = 0.4, 10.0
+"""Distance by which the demonstration's finger drags the pad's surface along before it slides [mm], and speed of the
+slide [mm/s]."""
 
 
 class Finger(Protocol):
@@ -65,8 +66,8 @@ NO_FINGER = FingerPath(time_s=np.zeros(1), press_mm=np.array([[0.0, 0.0, HOVER_M
 def demo_path(workspace: WorkspaceLimits, rest_s: float = 2.0) -> FingerPath:
     """A path for demonstrations: rest, deepest presses in the middle and near the corners, a stroke across the pad.
 
-    The path takes 15 s plus `rest_s`. Before the stroke the finger is held and drags the pad's surface along slowly,
-    as an object that sticks; then it slides.
+    Before the stroke the finger is held and drags the pad's surface along slowly, as an object that sticks; then it
+    slides at a set speed, so the path takes longer on a wide pad: 14 s plus `rest_s` at 20 mm.
 
     Parameters
     ----------
@@ -80,14 +81,15 @@ def demo_path(workspace: WorkspaceLimits, rest_s: float = 2.0) -> FingerPath:
         begun = rest_s + 2.0 * k
         steps += [(begun + 0.4, u, v, HOVER_MM), (begun + 1.2, u, v, deep), (begun + 1.9, u, v, HOVER_MM)]
     stroke, dragged = rest_s + 2.0 * len(places), 0.1 + DRAG_MM / (x1 - x0)
+    slid = stroke + 1.9 + (0.9 - dragged) * (x1 - x0) / SLIDE_MM_S
     steps += [
         (stroke + 0.4, 0.1, 0.5, HOVER_MM),
         (stroke + 0.9, 0.1, 0.5, deep / 3),
         (stroke + 1.4, 0.1, 0.5, deep / 3),
         (stroke + 1.9, dragged, 0.5, deep / 3),
-        (stroke + 4.4, 0.9, 0.5, deep / 3),
-        (stroke + 4.9, 0.9, 0.5, HOVER_MM),
-        (stroke + 5.0, 0.5, 0.5, HOVER_MM),
+        (slid, 0.9, 0.5, deep / 3),
+        (slid + 0.5, 0.9, 0.5, HOVER_MM),
+        (slid + 0.6, 0.5, 0.5, HOVER_MM),
     ]
     rows = np.array(steps)
     x_mm, y_mm = x0 + rows[:, 1] * (x1 - x0), y0 + rows[:, 2] * (y1 - y0)

@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from optopad.fabrication.driver.slip import WINDOW_S, SlipDetector, movement
+from optopad.fabrication.driver.slip import (
+    FEWEST_FRAMES,
+    HOLD_S,
+    LONG_WINDOW_S,
+    WINDOW_S,
+    SlipDetector,
+    movement,
+)
 from optopad.sims.learning.inference.signal_map import SignalMapModel, whitening
 from tests.fabrication.driver.made_up_model import made_up_model
 from tests.sims.learning.test_signal_map_model import made_up_map_model
@@ -18,14 +25,14 @@ PREDICTED_MM = 0.05
 
 
 class Touched:
-    """A touch of the made-up pad that is held for 0.2 s, and the detector that follows it."""
+    """A touch of the made-up pad that is held for a time, and the detector that follows it."""
 
-    def __init__(self, rate_hz: float, seed: int = 0) -> None:
+    def __init__(self, rate_hz: float, seed: int = 0, held_s: float = 0.2) -> None:
         self.model: SignalMapModel = made_up_map_model()
         self.rng, self.rate_hz, self.time_s = np.random.default_rng(seed), rate_hz, 0.0
         start = self.noisy(np.array([[*HELD[:2], 0.0]] * 40))
         self.detector = SlipDetector(self.model, start)
-        assert not self.slips(np.tile(HELD, (int(rate_hz / 5), 1)))
+        assert not self.slips(np.tile(HELD, (int(held_s * rate_hz), 1)))
 
     def noisy(self, press_mm: np.ndarray) -> np.ndarray:
         signals = self.model.signals(press_mm)
@@ -59,6 +66,32 @@ def test_a_slide_is_found_with_its_velocity(rate_hz: float) -> None:
     assert slips[-1][1] == pytest.approx(
         (12.0, -16.0), abs=3.0
     )  # slopes of the map, at presses that it predicts
+
+
+@pytest.mark.parametrize("rate_hz", [5.0, 15.0])
+def test_few_frames_a_second_are_enough(rate_hz: float) -> None:
+    touched = Touched(rate_hz, held_s=2.0)
+    slips = touched.slips(touched.moved((6.0, 0.0, 0.0), 1.0))
+    assert slips[0][0] < FEWEST_FRAMES
+    assert [k for k, _ in slips] == list(range(slips[0][0], int(rate_hz)))
+
+
+@pytest.mark.parametrize("rate_hz", RATES_HZ)
+def test_a_slide_that_grows_out_of_a_slow_drag_is_found(rate_hz: float) -> None:
+    touched = Touched(rate_hz)
+    time_s = np.arange(1, int(rate_hz)) / rate_hz
+    slips = touched.slips(HELD + 5.0 * time_s[:, None] ** 2 * np.array([0.6, -0.8, 0.0]))  # 10 mm/s²
+    first = time_s[slips[0][0]]
+    assert 0.1 < first < 0.35
+    assert len(slips) == len(time_s) - slips[0][0]
+
+
+def test_a_slip_lasts_a_little_longer_than_its_last_frame() -> None:
+    touched = Touched(450.0)
+    assert touched.slips(touched.moved((20.0, 0.0, 0.0), 0.05))
+    kept = touched.slips(np.tile(HELD + np.array([1.0, 0.0, 0.0]), (90, 1)))
+    assert [k for k, _ in kept] == list(range(len(kept)))
+    assert HOLD_S < len(kept) / 450.0 < HOLD_S + LONG_WINDOW_S
 
 
 @pytest.mark.parametrize("rate_hz", RATES_HZ)
