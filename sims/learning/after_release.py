@@ -51,7 +51,7 @@ class FoundAgain:
     share : largest bearable share of the press's signal change [-]; None if there is none
     after_s : time from the release until this share is reached [s]; None if it is never reached
     low_s, high_s : the same time at both ends of the catalogue's band of a silicone [s]; None if the design's residue
-        was measured
+        was measured, or is outside the band
     """
 
     learner: str
@@ -71,16 +71,17 @@ class FoundAgain:
         if self.share is None or self.after_s is None:
             free = "of a rested pad" if self.rested_alarms > FALSE_ALARMS else "with the least residue"
             return (
-                f"{begin} not distinguished from the residue: more than {FALSE_ALARMS:.0%} of the untouched frames "
-                f"{free} count as touched, or fewer touches are found"
+                f"{begin} not distinguished from the residue: more than {100 * FALSE_ALARMS:.0f} % of the untouched "
+                f"frames {free} count as touched, or fewer touches are found"
             )
         soon = f"after {self.after_s:.1f} s" if self.after_s > 0.0 else "at once"
         band = ""
         if self.low_s is not None and self.high_s is not None:
             band = f" ({self.low_s:.1f} to {self.high_s:.1f} s for the band of silicones)"
         return (
-            f"{begin} found again {soon}{band}, in {self.rested_found:.0%} of the frames as on a rested pad; a residue "
-            f"above {100 * self.share:.1f} % of the press hides it or counts as a touch"
+            f"{begin} found as often as on a rested pad, in {100 * self.rested_found:.0f} % of the frames, "
+            f"{soon}{band}; before that, more than {100 * self.share:.1f} % of the press is left, "
+            "which hides it or counts as a touch"
         )
 
 
@@ -92,7 +93,9 @@ def found_again(curves: ProtocolCurves, model: TouchModel, *, learner: str, seed
     design, band = curves.design, data_quantities("memory.toml")
     noise = design.noise
     ends = [(noise.release_residue, noise.release_decay_s)]
-    if "noise.release_residue" not in design.measured:
+    known = band["release_residue"]
+    is_within = (known.low or 0.0) <= noise.release_residue <= (known.high or known.value)
+    if is_within and "noise.release_residue" not in design.measured:
         ends += zip(*[(one.low or 0.0, one.high or one.value) for one in band.values()], strict=True)
     times = [
         None if share is None else decay_s * max(residue / share - 1.0, 0.0) for residue, decay_s in ends

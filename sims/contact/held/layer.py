@@ -115,20 +115,27 @@ class WideLayer:
         qx, qy = self._waves
         return wide_compliances(qx, qy, self._thickness)
 
-    def waves_of(self, loads: FloatArray) -> NDArray[np.complex128]:
-        """Fourier transforms of loads (..., nx, ny), scaled so that those of x and -x together count once."""
+    def waves_of(self, loads: FloatArray) -> FloatArray:
+        """Real and imaginary parts (2, load, wave) of Fourier transforms of loads (load, nx, ny).
+
+        They are scaled so that those of x and -x together count once.
+        """
         waves = fft.rfft2(loads, s=self._size, workers=2)
         twice = np.full(waves.shape[-1], 2.0)
         twice[0] = 1.0
         if self._size[1] % 2 == 0:
             twice[-1] = 1.0
-        return np.asarray(waves * np.sqrt(twice / np.prod(self._size)))
+        waves = (waves * np.sqrt(twice / np.prod(self._size))).reshape(len(loads), -1)
+        return np.stack([waves.real, waves.imag])
 
-    def work(self, waves: NDArray[np.complex128], i: int, j: int) -> FloatArray:
+    def work(self, waves: FloatArray, i: int, j: int) -> FloatArray:
         """Work (load, load) of one load's component i in the motion by another's component j, by Parseval's theorem."""
+        real, imaginary = waves
         kernel = self._compliances[i, j].ravel()
-        flat = waves.reshape(len(waves), -1)
-        return np.asarray((flat.conj() @ (flat * kernel).T).real)
+        if kernel.imag.any():  # pressure and sideways motion
+            half = (imaginary * kernel.imag) @ real.T
+            return np.asarray(half - half.T)
+        return np.asarray((real * kernel.real) @ real.T + (imaginary * kernel.real) @ imaginary.T)
 
     def moved(self, pressure: FloatArray) -> FloatArray:
         """Downward displacement (..., nx, ny) of the nodes under a pressure (..., nx, ny)."""

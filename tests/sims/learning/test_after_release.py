@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from optopad.design.arrays import FloatArray
-from optopad.sims.learning.after_release import LEAST_SHARE, STEPS, TOUCH_MM, found_again
+from optopad.sims.learning.after_release import LEAST_SHARE, STEPS, found_again
 from optopad.sims.learning.inference.touch_model import Prediction, prediction_of
 from tests.sims.learning.made_up_models import made_up_header
 from tests.sims.readings.test_protocol_data import PROTOCOL, made_up_light, quiet
@@ -44,7 +44,10 @@ def test_the_time_is_that_at_which_the_residue_is_below_the_models_threshold() -
     assert found.after_s == pytest.approx(2.0 * (0.05 / found.share - 1.0))
     assert found.low_s == pytest.approx(0.7 * (0.01 / found.share - 1.0))
     assert found.high_s == pytest.approx(1.4 * (0.07 / found.share - 1.0))
-    assert f"a touch of {TOUCH_MM:g} mm there is found again after {found.after_s:.1f} s" in str(found)
+    assert (
+        f"is found as often as on a rested pad, in 100 % of the frames, after {found.after_s:.1f} s"
+        in str(found)
+    )
 
 
 def test_a_measured_residue_has_no_band_and_a_model_with_false_alarms_no_time() -> None:
@@ -54,6 +57,6 @@ def test_a_measured_residue_has_no_band_and_a_model_with_false_alarms_no_time() 
     assert (measured.low_s, measured.high_s) == (None, None)
     wrong = found_again(CURVES, Dimmer(-0.1), learner="dimmer")
     assert (wrong.rested_alarms, wrong.share, wrong.after_s) == (1.0, None, None)
-    assert "not distinguished from the residue: more than 5% of the untouched frames of a rested pad" in str(
+    assert "not distinguished from the residue: more than 5 % of the untouched frames of a rested pad" in str(
         wrong
     )

@@ -45,6 +45,7 @@ def moved(*path: tuple[float, float], friction: float = FRICTION) -> list[HeldPr
     return slid(PAD, AT, ball(), depth_mm=DEPTH, friction=friction, path_mm=np.array(path))
 
 
+@pytest.mark.slow
 def test_finite_elements_of_a_wide_pad_answer_as_the_layer_without_walls(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
