@@ -64,6 +64,8 @@ ROUNDS, ROUND_ERROR, EASED = 30, 1e-3, 2.0
 and factor of the part of a round that is taken, which falls with its number: points at the edge may change sides."""
 SIDEWAYS_ERROR = 1e-3
 """Accepted sideways error of the top where it sticks, over the step [-]."""
+PLACE_ROUNDS, PLACE_ERROR_MM = 100, 1e-3
+"""Most rounds in which the points that are now at the nodes are found, and accepted error of their places [mm]."""
 MOST_STEPS = 2000
 PULL_ERROR, LEAST_PULL = 0.001, 0.01
 """Accepted error of a sideways force, over the force, or over this share of the largest one if that is more [-]."""
@@ -336,10 +338,6 @@ class Slide:
         height = map_coordinates(top.height_mm, at, order=3, mode="nearest")
         exact = self.overlap(self.at, np.zeros_like(moved))
         return replace(top, height_mm=np.where(level > 0.0, exact, height), level=level)
-
-
-PLACE_ROUNDS, PLACE_ERROR_MM = 100, 1e-3
-"""Most rounds in which the points that are now at the nodes are found, and accepted error of their places [mm]."""
 
 
 def _sideways_load(

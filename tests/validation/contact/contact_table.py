@@ -13,7 +13,7 @@ from __future__ import annotations
 import csv
 import io
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -198,6 +198,15 @@ def with_table(page: str, table: str, marks: tuple[str, str] = (BEGIN, END)) -> 
     begin, end = marks
     before, rest = page.split(begin)
     return f"{before}{begin}\n\n{table}\n\n{end}{rest.split(end)[1]}"
+
+
+def write_tables(page: Path, made_by: str, tables: Mapping[str, Callable[[], str]], names: list[str]) -> None:
+    """Write tables into a page, each between its marks: those of the given names, or all if there are none."""
+    for name in names or tables:
+        text = tables[name]()
+        print(text, flush=True)
+        marks = f"<!-- made by {made_by}: {name} -->", f"<!-- end of {name} -->"
+        page.write_text(with_table(page.read_text(encoding="utf-8"), text, marks), encoding="utf-8")
 
 
 def main(arguments: list[str]) -> None:

@@ -45,7 +45,7 @@ from optopad.sims.optics.engine.trace_states import trace_scene
 from optopad.sims.optics.scene.lower import scene_of
 from optopad.sims.optics.tracing import trace
 from optopad.sims.press import GridTop
-from tests.validation.contact.contact_table import markdown_table, with_table
+from tests.validation.contact.contact_table import markdown_table, write_tables
 from tests.validation.contact.crown.crown_oracle import Crown
 from tests.validation.contact.crown.offset_oracle import PADS, StoredState, offset_state
 from tests.validation.contact.crown.offset_table import error_of, errors, surface
@@ -456,14 +456,5 @@ TABLES: dict[str, Callable[[], str]] = {
 }
 
 
-def main(names: list[str]) -> None:
-    """Write tables of the page."""
-    for name in names:
-        text = TABLES[name]()
-        print(text, flush=True)
-        marks = f"<!-- made by tests/validation/held/object_table.py: {name} -->", f"<!-- end of {name} -->"
-        PAGE.write_text(with_table(PAGE.read_text(encoding="utf-8"), text, marks), encoding="utf-8")
-
-
 if __name__ == "__main__":
-    main(sys.argv[1:] or list(TABLES))
+    write_tables(PAGE, "tests/validation/held/object_table.py", TABLES, sys.argv[1:])

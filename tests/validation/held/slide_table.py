@@ -31,7 +31,7 @@ from optopad.sims.contact.held.press import touched
 from optopad.sims.contact.held.slide import STEP_MM, Slide
 from optopad.sims.contact.scope import contact_of
 from optopad.sims.held import AskedPress, held_light, pressed, slid_presses
-from tests.validation.contact.contact_table import markdown_table, with_table
+from tests.validation.contact.contact_table import markdown_table, write_tables
 from tests.validation.held.object_table import (
     END_MM,
     LENGTH_MM,
@@ -224,14 +224,5 @@ TABLES = {"contact": contact, "light": light}
 PAGE = Path(__file__).parents[3] / "docs" / "validation" / "shear.md"
 
 
-def main(names: list[str]) -> None:
-    """Write tables of the page."""
-    for name in names:
-        text = TABLES[name]()
-        print(text, flush=True)
-        marks = f"<!-- made by tests/validation/held/slide_table.py: {name} -->", f"<!-- end of {name} -->"
-        PAGE.write_text(with_table(PAGE.read_text(encoding="utf-8"), text, marks), encoding="utf-8")
-
-
 if __name__ == "__main__":
-    main(sys.argv[1:] or list(TABLES))
+    write_tables(PAGE, "tests/validation/held/slide_table.py", TABLES, sys.argv[1:])
