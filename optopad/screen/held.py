@@ -72,7 +72,7 @@ class HeldView(Result):
         known = any(one.friction is not None for one in self.asked.held)
         assumed = "" if known else f" (assumed; dry silicone has {band.low:g} to {band.high:g})"
         return (
-            f"{self.asked.friction:g}{assumed}; with the pad that is raised in front, it holds up to "
+            f"{self.asked.friction:g}{assumed}; with the raised pad in front of the objects, it holds up to "
             f"{self.press.holds_n:.3g} N"
         )
 
