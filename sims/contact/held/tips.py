@@ -177,6 +177,7 @@ def _library_top(pad: Pad, surface: PadSurface, overlap: FloatArray) -> GridTop:
     x_mm, y_mm = pad.x_mm + pad.at_mm[0], pad.y_mm + pad.at_mm[1]
     radius = np.hypot(x_mm[:, None] - surface.at_mm[0], y_mm - surface.at_mm[1])
     level = np.clip(surface.near.contact_radius_mm - radius, -pad.step_mm, pad.step_mm)
+    level = np.where(np.isfinite(overlap), level, -pad.step_mm)
     height = np.where(pad.inside, surface.height_mm(x_mm, y_mm), 0.0)
     return GridTop(
         at_mm=pad.at_mm,
@@ -208,4 +209,5 @@ def _corrected(
         one.height_mm - linear.top.height_mm for one, linear in zip(library, alone, strict=True)
     )
     overlap = np.minimum(*overlaps)
+    level = np.where(np.isfinite(overlap), level, -step)
     return replace(top, height_mm=np.where(level > 0.0, overlap, np.minimum(free, overlap)), level=level)
