@@ -104,7 +104,7 @@ def trace(
             tops = _tops_of_presses(draft.design, scene, tips, classes)
             raw = _kept_one_by_one(tops, classes, wanted, on_step)
         else:
-            grids = _tops_of_tips(draft, scene, tips[classes.first])
+            grids = tops_of_tips(draft, scene, tips[classes.first])
             raw = trace_tops(grids, classes, **wanted, on_step=on_step, kept=light_store())
     return LightSignals(
         flux=raw.flux.sum(axis=0),
@@ -234,7 +234,7 @@ def _tops_of_presses(
     return Tops(scene, lambda: (traced[:, :, :2], *_made(design, scene, traced)), source.digest())
 
 
-def _tops_of_tips(draft: Draft, scene: OpticalScene, tips: FloatArray) -> GridTops:
+def tops_of_tips(draft: Draft, scene: OpticalScene, tips: FloatArray) -> GridTops:
     """Tops under several tips, on grids; `tips` (group, tip, 3) holds the presses of each group."""
     from optopad.sims.contact.held.tips import pressed_tips, require_apart
     from optopad.sims.contact.scope import contact_of
