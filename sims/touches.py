@@ -3,30 +3,30 @@
     ratio(A, B) = ratio(A) ratio(B) + g(A, B) - g(A) g(B),      pair by pair, light over untouched light
 
 The ratios of single touches are those of the signal map, whose light is that of the verdict. g is the light of the
-method for grids, on the tops of both tips together and of each alone (`optopad.sims.contact.held.tips`), all on one
-grid with the same random offsets, so that most of its errors cancel. What g adds to the product is how much light both
-touches change together: rays that meet both, and the motion of the top under one tip by the other.
+method for grids, on the tops of both tips together and of each alone (`optopad.sims.contact.held.tips`), with the same
+random offsets and, on flat pads, on one grid, so that most of its errors cancel. What g adds to the product is how much
+light both touches change together: rays that meet both, and the motion of the top under one tip by the other.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from optopad.design.arrays import FloatArray
 from optopad.design.draft import Draft
 from optopad.design.errors import InputError
-from optopad.sims.contact.held.tips import MOST_TIPS, TipsPress, pressed_tips, require_apart
+from optopad.sims.contact.held.tips import MOST_TIPS, pressed_tips, require_apart
 from optopad.sims.contact.scope import contact_of
 from optopad.sims.held import light_of_tops, require_traced
 from optopad.sims.learning.traced_map import SignalMap
 from optopad.sims.optics.accuracy import Accuracy
 from optopad.sims.optics.engine.threads import run_each
+from optopad.sims.press import GridTop
 
 WINDOW = 32
-"""States whose tops are held in memory together; each has 2 to 9 MB."""
+"""States whose tops are held in memory together; each has 1 to 3 MB."""
 
 
 def touch_ratios(
@@ -77,25 +77,40 @@ def changes_together(
 
     Errors are those of `touch_ratios`.
     """
-    contact, parts = contact_of(draft.design), []
     require_traced(draft)
     for tips in presses_mm:
         require_apart(draft, tips)
-    for start in range(0, len(presses_mm), WINDOW):
-        few = presses_mm[start : start + WINDOW]
-        solved: list[TipsPress | None] = [None] * len(few)
+    single, number = np.unique(presses_mm.reshape(-1, 3), axis=0, return_inverse=True)
+    states = [*single[:, None], *presses_mm]
+    light = _grid_light(draft, states, seed=seed, accuracy=accuracy, on_step=on_step)
+    alone = light[: len(single)][np.reshape(number, (-1, MOST_TIPS))]
+    return np.asarray(light[len(single) :] - alone.prod(axis=1))
 
-        def solve(number: int, few: FloatArray = few, solved: list[TipsPress | None] = solved) -> None:
-            solved[number] = pressed_tips(contact, few[number])
 
-        def tell(done: int, total: int, start: int = start, count: int = len(few)) -> None:
+def _grid_light(
+    draft: Draft,
+    states: Sequence[FloatArray],
+    *,
+    seed: int,
+    accuracy: str | Accuracy,
+    on_step: Callable[[int, int], None] | None,
+) -> FloatArray:
+    """Light over untouched light (state, pair) of tips (tip, 3), by the method for grids; 0 for pairs without light."""
+    contact, parts = contact_of(draft.design), []
+    for start in range(0, len(states), WINDOW):
+        few = states[start : start + WINDOW]
+        tops: list[GridTop | None] = [None] * len(few)
+
+        def solve(number: int, few: Sequence[FloatArray] = few, tops: list[GridTop | None] = tops) -> None:
+            tops[number] = pressed_tips(contact, few[number]).top
+
+        def tell(done: int, _total: int, start: int = start) -> None:
             if on_step is not None:
-                on_step(start + count * done // total, len(presses_mm))
+                on_step(start + done, len(states))
 
         run_each(solve, len(few))
-        tops = [top for one in solved if one is not None for top in (one.top, *one.tops_alone)]
-        light: Any = light_of_tops(draft, tops, accuracy=accuracy, seed=seed, on_step=tell)
+        found = [one for one in tops if one is not None]
+        light = light_of_tops(draft, found, accuracy=accuracy, seed=seed, on_step=tell)
         whole = np.where(light.untouched > 0.0, light.untouched, np.inf)
-        together, first, second = np.moveaxis((light.flux / whole).reshape(len(few), 3, -1), 1, 0)
-        parts.append(together - first * second)
+        parts.append((light.flux / whole).reshape(len(few), -1))
     return np.concatenate(parts)

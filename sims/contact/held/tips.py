@@ -39,13 +39,11 @@ class TipsPress:
     Attributes
     ----------
     top : the deformed top
-    tops_alone : the top under each tip without the other, on the same grid
     force_n : (tip,) force on each
     alone_n : (tip,) force on each without the other
     """
 
     top: GridTop
-    tops_alone: tuple[GridTop, ...]
     force_n: FloatArray
     alone_n: FloatArray
 
@@ -102,40 +100,46 @@ def pressed_tips(contact: Contact, tips_mm: FloatArray) -> TipsPress:
     if not len(tips):
         raise InputError("tips_mm: none has a depth above 0; give one or two that touch")
     pad = pad_at(contact, _frame_at(contact.draft, tips))
-    _require_depth(pad, contact, tips)
-    overlaps = [_overlap(pad, contact, tip) for tip in tips]
-    alone = [_linear(pad, one, float(tip[2])) for one, tip in zip(overlaps, tips, strict=True)]
-    alone_n, tops_alone = np.array([one.force_n for one in alone]), tuple(one.top for one in alone)
-    both = alone[0]
-    force_n, nearest = alone_n, np.zeros(pad.inside.shape, np.int64)
     if len(tips) > 1:
-        both, nearest = (
-            _linear(pad, np.minimum(*overlaps), float(tips[:, 2].max())),
-            np.argmin(overlaps, axis=0),
-        )
-        force_n = np.array([both.pressure_mpa[nearest == k].sum() * pad.step_mm**2 for k in range(len(tips))])
-    top = both.top
-    if contact.draft.plan.top.is_flat:
-        surfaces = list(pad_surfaces(contact, tips))
-        tops_alone = tuple(_library_top(pad, one, over) for one, over in zip(surfaces, overlaps, strict=True))
-        library_n = np.array([one.near.force_n for one in surfaces])
-        force_n, alone_n = force_n * library_n / alone_n, library_n
-        top = (
-            tops_alone[0]
-            if len(tips) == 1
-            else _corrected(both, alone, tops_alone, overlaps, nearest, surfaces)
-        )
-    return TipsPress(top=top, tops_alone=tops_alone, force_n=force_n, alone_n=alone_n)
+        _require_depth(contact, tips)
+    overlaps = [_overlap(pad, contact, tip) for tip in tips]
+    is_flat = contact.draft.plan.top.is_flat
+    surfaces = list(pad_surfaces(contact, tips)) if is_flat else []
+    if is_flat and len(tips) == 1:
+        alone_n = np.array([surfaces[0].near.force_n])
+        return TipsPress(top=_library_top(pad, surfaces[0], overlaps[0]), force_n=alone_n, alone_n=alone_n)
+    alone = [_linear(pad, one, float(tip[2])) for one, tip in zip(overlaps, tips, strict=True)]
+    alone_n = np.array([one.force_n for one in alone])
+    if len(tips) == 1:
+        return TipsPress(top=alone[0].top, force_n=alone_n, alone_n=alone_n)
+    both, nearest = _linear(pad, np.minimum(*overlaps), float(tips[:, 2].max())), np.argmin(overlaps, axis=0)
+    force_n = np.array([both.pressure_mpa[nearest == k].sum() * pad.step_mm**2 for k in range(len(tips))])
+    if not is_flat:
+        return TipsPress(top=both.top, force_n=force_n, alone_n=alone_n)
+    library_n = np.array([one.near.force_n for one in surfaces])
+    return TipsPress(
+        top=_corrected(pad, both, alone, overlaps, nearest, surfaces),
+        force_n=force_n * library_n / alone_n,
+        alone_n=library_n,
+    )
 
 
-def _require_depth(pad: Pad, contact: Contact, tips: FloatArray) -> None:
+def deepest_mm(contact: Contact, at_mm: Place | None = None) -> float:
+    """Deepest press that the model of two tips covers at a place, or where the pad is thickest [mm]."""
+    radius = contact.tip_radius_mm
+    return min(LARGEST_HELD_SHARE * contact.layer_at(at_mm), 1.0) * radius
+
+
+def _require_depth(contact: Contact, tips: FloatArray) -> None:
     """Refuse tips deeper than the linear layer is taken to hold, or than a ball is half sunk."""
-    deepest_mm, depth_mm = min(pad.deepest_mm, contact.tip_radius_mm), float(tips[:, 2].max())
-    if depth_mm > deepest_mm + 1e-9:
-        raise ModelScopeError(
-            f"touches: {depth_mm:g} mm is deeper than the model of two touches covers: {deepest_mm:.3g} mm, "
-            f"{LARGEST_HELD_SHARE:.0%} of the elastic layer there and one tip radius at most; press less deep"
-        )
+    for x, y, depth in tips.tolist():
+        deepest = deepest_mm(contact, (x, y))
+        if depth > deepest + 1e-9:
+            raise ModelScopeError(
+                f"touches: {depth:g} mm is deeper than the model of two touches covers at ({x:g}, {y:g}) mm: "
+                f"{deepest:.3g} mm, {LARGEST_HELD_SHARE:.0%} of the elastic layer there and one tip radius at most; "
+                "press less deep"
+            )
 
 
 def _frame_at(draft: Draft, tips: FloatArray) -> Place:
@@ -177,6 +181,7 @@ def _library_top(pad: Pad, surface: PadSurface, overlap: FloatArray) -> GridTop:
     x_mm, y_mm = pad.x_mm + pad.at_mm[0], pad.y_mm + pad.at_mm[1]
     radius = np.hypot(x_mm[:, None] - surface.at_mm[0], y_mm - surface.at_mm[1])
     level = np.clip(surface.near.contact_radius_mm - radius, -pad.step_mm, pad.step_mm)
+    level = np.where(np.isfinite(overlap), level, -pad.step_mm)
     height = np.where(pad.inside, surface.height_mm(x_mm, y_mm), 0.0)
     return GridTop(
         at_mm=pad.at_mm,
@@ -188,24 +193,20 @@ def _library_top(pad: Pad, surface: PadSurface, overlap: FloatArray) -> GridTop:
 
 
 def _corrected(
+    pad: Pad,
     both: HeldPress,
     alone: list[HeldPress],
-    library: tuple[GridTop, ...],
     overlaps: list[FloatArray],
     nearest: IntArray,
     surfaces: list[PadSurface],
 ) -> GridTop:
     """The top under both tips, corrected by what the linear layer is off under each alone."""
-    top, step = both.top, float(both.top.x_mm[1] - both.top.x_mm[0])
-    wider = np.array(
-        [
-            one.near.contact_radius_mm - math.sqrt(linear.area_mm2 / math.pi)
-            for one, linear in zip(surfaces, alone, strict=True)
-        ]
-    )
-    level = np.clip(top.level + wider[nearest], -step, step)
-    free = top.height_mm + sum(
-        one.height_mm - linear.top.height_mm for one, linear in zip(library, alone, strict=True)
-    )
+    free, wider = both.top.height_mm.copy(), []
+    for surface, linear, overlap in zip(surfaces, alone, overlaps, strict=True):
+        free += _library_top(pad, surface, overlap).height_mm - linear.top.height_mm
+        wider.append(surface.near.contact_radius_mm - math.sqrt(linear.area_mm2 / math.pi))
     overlap = np.minimum(*overlaps)
-    return replace(top, height_mm=np.where(level > 0.0, overlap, np.minimum(free, overlap)), level=level)
+    level = np.clip(both.top.level + np.array(wider)[nearest], -pad.step_mm, pad.step_mm)
+    level = np.where(np.isfinite(overlap), level, -pad.step_mm)
+    height = np.where(level > 0.0, overlap, np.minimum(free, overlap))
+    return replace(both.top, height_mm=height, level=level)
