@@ -80,7 +80,7 @@ class Tracks:
     def __init__(self) -> None:
         self._tracks: list[_Track] = []
         self._latest = 0
-        self._time_s = -math.inf
+        self._time_s, self._period_s = -math.inf, 0.0
         self._left: int | None = None
         """Number of the only touch of the frame before; None if it had none or several."""
 
@@ -93,8 +93,9 @@ class Tracks:
         place_mm : (touch, 3) x, y and depth of the frame's touches; none for an untouched pad [mm]
         sigma_mm : (touch, 3) their standard deviations, NaN where unknown [mm]
         """
-        lost_s = max(LOST_S, LOST_FRAMES * (time_s - self._time_s))
-        self._time_s = time_s
+        step_s, self._time_s = time_s - self._time_s, time_s
+        lost_s = max(LOST_S, LOST_FRAMES * (self._period_s or step_s))
+        self._period_s = step_s if math.isfinite(step_s) else 0.0
         expected = {track: track.expected_mm(time_s) for track in self._tracks}
         expected = {
             track: place
