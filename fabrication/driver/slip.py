@@ -47,7 +47,8 @@ matrix, and the noise follows from the scatter of the predictions.
 
 Left out: friction. An object that sticks drags the pad's surface along, which moves the dimple less and changes the
 signals by shear, too. It counts as slipping if it appears faster than `LEAST_MM_S`. Also left out are slower slides,
-slides that begin during a press or a release, and turns of the object on its place.
+slides that begin during a press or a release, and turns of the object on its place. While there are two touches, no
+slip is reported.
 """
 
 from __future__ import annotations
