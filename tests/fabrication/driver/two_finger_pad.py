@@ -14,14 +14,12 @@ from optopad.fabrication.driver.link.frames import Frame
 from optopad.fabrication.driver.simulated.board import FakeBoard
 from optopad.fabrication.driver.simulated.finger import Finger
 from optopad.sims.learning.inference.signal_map import SignalMapModel
-from optopad.sims.learning.inference.together import FEATURES, Together
+from optopad.sims.learning.inference.together import Together
 from optopad.sims.learning.inference.touch_model import UNIT_SIGMA
 from tests.fabrication.driver.made_up_model import header
 from tests.fabrication.driver.made_up_pad import pad_config
 from tests.sims.learning.made_up_map import (
     COUNT,
-    EMITTER_MM,
-    RECEIVER_MM,
     made_up_map_model,
     ratios,
     untouched_counts,
@@ -43,16 +41,12 @@ class ClosedLight:
 
 @cache
 def two_touch_model() -> SignalMapModel:
-    """A map of the closed light, whose touches change nothing beyond their product."""
+    """A map of the closed light."""
     model = made_up_map_model()
-    chords = np.concatenate([np.repeat(EMITTER_MM, COUNT, axis=0), np.tile(RECEIVER_MM, (COUNT, 1))], axis=1)
     together = Together(
-        chords_mm=chords,
         radius_mm=RADIUS_MM,
-        inner=np.zeros((FEATURES, 1)),
-        inner_offset=np.zeros(1),
-        outer=np.zeros(1),
-        missed=np.array([1e-3, 1e-3]),
+        errors=np.full(3, 1e-3),
+        floor_counts=model.noise.floor_counts,
         threshold=12.0,
         sigma=UNIT_SIGMA,
     )
