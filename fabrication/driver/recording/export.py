@@ -148,6 +148,10 @@ def _label(dataset: xr.Dataset, labels: PressLabels) -> None:
     for k, axis in enumerate(("press_x", "press_y", "press_depth")):
         positive = {"positive": "into the pad"} if axis == "press_depth" else {}
         dataset[axis] = ("time", labels.press_mm[:, k], {"units": "mm"} | positive)
+    if labels.others_mm is not None and np.isfinite(labels.others_mm).any():
+        known = {"units": "mm", "long_name": "further tips that touch at the same time; NaN: none"}
+        dataset["others"] = (("time", "other", "axis"), labels.others_mm, known)
+        dataset["axis"] = ["x", "y", "depth"]
     if labels.set_number is not None:
         dataset["set"] = ("time", labels.set_number, {"long_name": "number in the attribute sets, from 0"})
     if labels.place_number is not None:
@@ -165,6 +169,10 @@ def _add_moves(dataset: xr.Dataset, moves: FloatArray) -> None:
 
 def write_export(recorded: Recorded, out: Path, name: str, *, on_step: OnStep = silent) -> None:
     """Write frames in the format that the file's suffix names: netCDF, .csv or .mcap; see `write_netcdf`."""
+    if recorded.labels is not None and recorded.labels.others_mm is not None and out.suffix.lower() != ".nc":
+        raise InputError(
+            f"--out {out}: {out.suffix} has one press a frame, the log has the positions of two tips; name a .nc file"
+        )
     if out.suffix.lower() == MCAP_SUFFIX:
         write_mcap(recorded, out, on_step=on_step)
     elif out.suffix.lower() == ".csv":

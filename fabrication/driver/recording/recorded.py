@@ -38,6 +38,7 @@ class PressLabels:
     set_number : index of the set in `sets`, shape (n,); None if unknown
     place_number : number of the press within its set, shape (n,); None if unknown
     sets : the sets of presses
+    others_mm : positions of further tips, shape (n, tip, 3) [mm], NaN where there is none; None if there are none
 
     Raises
     ------
@@ -48,6 +49,7 @@ class PressLabels:
     set_number: IntArray | None = None
     place_number: IntArray | None = None
     sets: tuple[SetEntry, ...] = ()
+    others_mm: FloatArray | None = None
 
     def __post_init__(self) -> None:
         """Refuse positions that are not finite numbers."""
@@ -66,6 +68,7 @@ class PressLabels:
             set_number=None if self.set_number is None else self.set_number[kept],
             place_number=None if self.place_number is None else self.place_number[kept],
             sets=self.sets,
+            others_mm=None if self.others_mm is None else self.others_mm[kept],
         )
 
 
