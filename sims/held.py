@@ -32,6 +32,7 @@ from optopad.sims.optics.accuracy import Accuracy
 from optopad.sims.optics.engine.threads import run_each
 from optopad.sims.optics.engine.trace_states import trace_scene
 from optopad.sims.optics.scene.lower import scene_of
+from optopad.sims.press import GridTop
 from optopad.sims.readings.readout import Readout, readout_of
 from optopad.sims.verdict.depth_curve import noise_units
 from optopad.sims.verdict.presses import untouched_flux
@@ -161,11 +162,7 @@ def require_asked(draft: Draft, asked: AskedPress) -> None:
             raise InputError("--depth: every object has a depth of its own; drop one")
     elif asked.depth_mm is not None or (len(depths) == 1 and depths[0] is not None):
         raise InputError("--depth: does not go with --force, which decides the depth; drop one")
-    if draft.wall_index is not None:
-        raise ModelScopeError(
-            "objects: light between smooth walls is traced under the design's tip alone; set surfaces.wall_finish = "
-            "'diffuse'"
-        )
+    require_traced(draft)
     if asked.shear_mm is not None and asked.pull_n is not None:
         raise InputError("--shear: does not go with --pull, which decides how far the objects move; drop one")
     assert asked.reflectance is None or asked.reflectance >= 0.0
@@ -180,6 +177,15 @@ def require_asked(draft: Draft, asked: AskedPress) -> None:
             )
         if asked.shear_mm is not None:
             require_way(draft, (x, y), np.array([asked.shear_mm]))
+
+
+def require_traced(draft: Draft) -> None:
+    """Refuse a pad whose light on grids is not modelled."""
+    if draft.wall_index is not None:
+        raise ModelScopeError(
+            "objects: light between smooth walls is traced under the design's tip alone; set surfaces.wall_finish = "
+            "'diffuse'"
+        )
 
 
 def require_way(draft: Draft, from_mm: Place, path_mm: FloatArray) -> None:
@@ -369,9 +375,14 @@ def all_pressed(
     return [one for one in found if one is not None]
 
 
-def held_light(
+def held_light(draft: Draft, presses: Sequence[HeldPress], **settings: Any) -> HeldLight:
+    """Trace the light of presses; `settings` are those of `light_of_tops`."""
+    return light_of_tops(draft, [one.top for one in presses], **settings)
+
+
+def light_of_tops(
     draft: Draft,
-    presses: Sequence[HeldPress],
+    formed: Sequence[GridTop],
     *,
     reflectance: float | None = None,
     accuracy: str | Accuracy = "score",
@@ -379,26 +390,26 @@ def held_light(
     pairs: BoolArray | None = None,
     on_step: Callable[[int, int], None] | None = None,
 ) -> HeldLight:
-    """Trace the light of presses, all by objects of one reflectance. Light that was traced before is read from disk.
+    """Trace the light of tops, all under objects of one reflectance. Light that was traced before is read from disk.
 
     Parameters
     ----------
     reflectance : diffuse reflectance of what touches [-]; None is the design's `surfaces.tip_reflectance`
     accuracy, seed : settings of the light model
     pairs : (emitter, receiver) mask of the pairs to trace; others keep their untouched light
-    on_step : called with (presses done, presses)
+    on_step : called with (tops done, tops)
     """
     scene = scene_of(draft.design)
     if reflectance is not None:
         scene = replace(scene, tip_reflectance=reflectance)
     settings: dict[str, Any] = {"accuracy": accuracy, "seed": seed, "pairs": pairs, "kept": light_store()}
     untouched, flux, error = untouched_flux(draft, seed=seed), [], []
-    for start in range(0, len(presses), AT_ONCE):
-        tops = [None, *(one.top for one in presses[start : start + AT_ONCE])]
+    for start in range(0, len(formed), AT_ONCE):
+        tops = [None, *formed[start : start + AT_ONCE]]
 
         def tell(done: int, total: int, start: int = start) -> None:
             if on_step is not None:
-                on_step(start + done * (total - 1) // total, len(presses))
+                on_step(start + done * (total - 1) // total, len(formed))
 
         light = trace_scene(scene, np.zeros((len(tops), 2)), tops, on_step=tell, **settings)
         traced = light.flux.sum(axis=0)

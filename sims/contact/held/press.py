@@ -270,7 +270,8 @@ class Pad:
 
 
 @lru_cache(maxsize=4)
-def _pad_at(contact: Contact, at_mm: Place) -> Pad:
+def pad_at(contact: Contact, at_mm: Place) -> Pad:
+    """The pad in the press frame at a location; the last ones are kept."""
     return Pad(contact, at_mm)
 
 
@@ -318,7 +319,7 @@ def touched(contact: Contact, at_mm: Place, bottoms: FloatArray) -> tuple[Pad, F
     """
     if not contact.draft.plan.contains(*at_mm):
         raise InputError(f"at_mm: x = {at_mm[0]:g}, y = {at_mm[1]:g} mm must lie in the pad")
-    pad = _pad_at(contact, at_mm)
+    pad = pad_at(contact, at_mm)
     if bottoms.shape != pad.inside.shape or np.isnan(bottoms).any():
         raise InputError(f"bottoms: give one height, or infinity, for each of {pad.inside.shape} nodes")
     gap = bottoms + np.nan_to_num(pad.sag_mm, nan=float(np.nanmax(pad.sag_mm)))
@@ -405,8 +406,19 @@ def at_depth(pad: Pad, gap: FloatArray, depth_mm: float) -> HeldPress:
     return settled(pad, overlap, *pad.pressed(pad.slope * overlap, depth_mm), depth_mm)
 
 
-def settled(pad: Pad, overlap: FloatArray, load: FloatArray, moved: FloatArray, depth_mm: float) -> HeldPress:
-    """A press with its load and downward motion (nx, ny), and the objects' height over the untouched top (nx, ny)."""
+def settled(
+    pad: Pad,
+    overlap: FloatArray,
+    load: FloatArray,
+    moved: FloatArray,
+    depth_mm: float,
+    *,
+    is_sharp_allowed: bool = False,
+) -> HeldPress:
+    """A press with its load and downward motion (nx, ny), and the objects' height over the untouched top (nx, ny).
+
+    is_sharp_allowed : whether deep presses may end at a sharp edge or steep side; the top is less accurate there
+    """
     touching = load > 0.0
     nearest = float(pad.wall_mm[touching].min())
     if nearest < NEAREST_HELD * pad.layer.thickness:
@@ -427,7 +439,7 @@ def settled(pad: Pad, overlap: FloatArray, load: FloatArray, moved: FloatArray, 
         force_n=float(pressure.sum() * cell),
         area_mm2=area,
         depth_mm=depth_mm,
-        notes=_notes(pad, gap_mm, touching, area, depth_mm),
+        notes=_notes(pad, gap_mm, touching, area, 0.0 if is_sharp_allowed else depth_mm),
     )
 
 

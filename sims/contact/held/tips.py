@@ -1,0 +1,203 @@
+r"""One or two tips pressed into a pad at the same time: its top, and the force on each.
+
+Each tip is a ball of the design's tip radius, rigid and without friction, pressed along the normal of the untouched top
+at its own place. Both are solved as objects on one grid (`optopad.sims.contact.held.press`): so each feels the motion
+of the top by the other. On flat tops this linear answer is then corrected by what it is off for each tip alone,
+
+    height of both = linear height of both + Σ (height of the contact library - linear height) of each alone,
+
+and so is the radius of each contact. So near each tip the top is that of the library's press with finite strains, and
+the force on a tip is the library's for it alone times the ratio of its linear forces with and without the other. With
+one tip, the top is the library's. On crowned tops the linear answer is taken as it is.
+
+The model leaves out friction, and that the corrections of both tips may depend on each other.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from optopad.design.arrays import FloatArray, IntArray
+from optopad.design.draft import Draft
+from optopad.design.errors import InputError, ModelScopeError
+from optopad.design.rules.touch import LARGEST_HELD_SHARE
+from optopad.sims.contact.held.press import HeldPress, Pad, pad_at, settled
+from optopad.sims.contact.pad_surface import PadSurface, pad_surfaces
+from optopad.sims.contact.scope import Contact, Place
+from optopad.sims.press import GridTop
+
+MOST_TIPS = 2
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TipsPress:
+    """Tips pressed into a pad; axes of tips are those of the given presses that touch.
+
+    Attributes
+    ----------
+    top : the deformed top
+    force_n : (tip,) force on each
+    alone_n : (tip,) force on each without the other
+    """
+
+    top: GridTop
+    force_n: FloatArray
+    alone_n: FloatArray
+
+
+def touching(tips_mm: FloatArray) -> FloatArray:
+    """The tips (touching, 3) that touch, of x, y, depth (tip, 3) [mm]: those with a depth above 0."""
+    return np.asarray(tips_mm[tips_mm[:, 2] > 0.0], dtype=np.float64)
+
+
+def require_apart(draft: Draft, tips_mm: FloatArray) -> None:
+    """Refuse tips (tip, 3) of x, y, depth [mm] that the model does not cover, before any work.
+
+    Raises
+    ------
+    InputError : more than two tips touch.
+    ModelScopeError : tips are no hemispheres, or overlap.
+    """
+    indenter, tips = draft.design.indenter, touching(tips_mm)
+    if len(tips) > MOST_TIPS:
+        raise InputError(
+            f"touches: {len(tips)} at once; the models know one or two; leave out {len(tips) - MOST_TIPS}"
+        )
+    if len(tips) < MOST_TIPS:
+        return
+    if indenter.shape != "hemisphere":
+        raise ModelScopeError(
+            f"indenter.shape: {indenter.shape}; two touches are modelled for hemispheres; set it to hemisphere"
+        )
+    apart_mm, need_mm = (
+        float(np.linalg.norm(np.subtract(*_centres(draft, tips)))),
+        2.0 * indenter.tip_radius_mm,
+    )
+    if apart_mm < need_mm - 1e-6:
+        raise ModelScopeError(
+            f"touches: tips at ({tips[0, 0]:g}, {tips[0, 1]:g}) and ({tips[1, 0]:g}, {tips[1, 1]:g}) mm overlap: their "
+            f"centres are {apart_mm:.3g} mm apart, need {need_mm:g} mm, two tip radii; move them apart"
+        )
+
+
+def pressed_tips(contact: Contact, tips_mm: FloatArray) -> TipsPress:
+    """Press one or two tips into a pad.
+
+    Parameters
+    ----------
+    tips_mm : (tip, 3) x, y, depth [mm]; a tip with a depth of 0 or less, or NaN, is absent
+
+    Raises
+    ------
+    InputError : more than two tips touch, or none
+    ModelScopeError : tips overlap or are no hemispheres, or a press is outside the range of the contact model
+    """
+    require_apart(contact.draft, tips_mm)
+    tips = touching(tips_mm)
+    if not len(tips):
+        raise InputError("tips_mm: none has a depth above 0; give one or two that touch")
+    pad = pad_at(contact, _frame_at(contact.draft, tips))
+    _require_depth(pad, contact, tips)
+    overlaps = [_overlap(pad, contact, tip) for tip in tips]
+    is_flat = contact.draft.plan.top.is_flat
+    surfaces = list(pad_surfaces(contact, tips)) if is_flat else []
+    if is_flat and len(tips) == 1:
+        alone_n = np.array([surfaces[0].near.force_n])
+        return TipsPress(top=_library_top(pad, surfaces[0], overlaps[0]), force_n=alone_n, alone_n=alone_n)
+    alone = [_linear(pad, one, float(tip[2])) for one, tip in zip(overlaps, tips, strict=True)]
+    alone_n = np.array([one.force_n for one in alone])
+    if len(tips) == 1:
+        return TipsPress(top=alone[0].top, force_n=alone_n, alone_n=alone_n)
+    both, nearest = _linear(pad, np.minimum(*overlaps), float(tips[:, 2].max())), np.argmin(overlaps, axis=0)
+    force_n = np.array([both.pressure_mpa[nearest == k].sum() * pad.step_mm**2 for k in range(len(tips))])
+    if not is_flat:
+        return TipsPress(top=both.top, force_n=force_n, alone_n=alone_n)
+    library_n = np.array([one.near.force_n for one in surfaces])
+    return TipsPress(
+        top=_corrected(pad, both, alone, overlaps, nearest, surfaces),
+        force_n=force_n * library_n / alone_n,
+        alone_n=library_n,
+    )
+
+
+def _require_depth(pad: Pad, contact: Contact, tips: FloatArray) -> None:
+    """Refuse tips deeper than the linear layer is taken to hold, or than a ball is half sunk."""
+    deepest_mm, depth_mm = min(pad.deepest_mm, contact.tip_radius_mm), float(tips[:, 2].max())
+    if depth_mm > deepest_mm + 1e-9:
+        raise ModelScopeError(
+            f"touches: {depth_mm:g} mm is deeper than the model of two touches covers: {deepest_mm:.3g} mm, "
+            f"{LARGEST_HELD_SHARE:.0%} of the elastic layer there and one tip radius at most; press less deep"
+        )
+
+
+def _frame_at(draft: Draft, tips: FloatArray) -> Place:
+    """Place of the press frame: the same for all presses on flat tops, between the tips on others."""
+    if draft.plan.top.is_flat:
+        return draft.plan.centre_mm
+    x, y = tips[:, :2].mean(axis=0).tolist()
+    return x, y
+
+
+def _centres(draft: Draft, tips: FloatArray) -> FloatArray:
+    """Centres (tip, 3) of the tips' balls in cavity coordinates [mm]."""
+    top, radius = draft.plan.top, draft.design.indenter.tip_radius_mm
+    return np.array(
+        [
+            np.array([x, y, float(top.height_mm(x, y))]) + (radius - depth) * np.asarray(top.normal(x, y))
+            for x, y, depth in tips.tolist()
+        ]
+    )
+
+
+def _overlap(pad: Pad, contact: Contact, tip: FloatArray) -> FloatArray:
+    """Height (nx, ny) of a tip's lowest surface over the untouched top [mm]; infinite where there is none."""
+    origin, axes = contact.draft.plan.top.press_frame(*pad.at_mm)
+    x, y, z = axes @ (_centres(contact.draft, tip[None])[0] - origin)
+    square = contact.tip_radius_mm**2 - (pad.x_mm[:, None] - x) ** 2 - (pad.y_mm - y) ** 2
+    over = z - np.sqrt(np.maximum(square, 0.0)) + np.nan_to_num(pad.sag_mm)
+    return np.where((square > 0.0) & (pad.wall_mm > 1e-9), over, np.inf)
+
+
+def _linear(pad: Pad, overlap: FloatArray, depth_mm: float) -> HeldPress:
+    """The press of a linear layer."""
+    load, moved = pad.pressed(pad.slope * overlap, depth_mm)
+    return settled(pad, overlap, load, moved, depth_mm, is_sharp_allowed=True)
+
+
+def _library_top(pad: Pad, surface: PadSurface, overlap: FloatArray) -> GridTop:
+    """The contact library's top under one tip, on the pad's grid."""
+    x_mm, y_mm = pad.x_mm + pad.at_mm[0], pad.y_mm + pad.at_mm[1]
+    radius = np.hypot(x_mm[:, None] - surface.at_mm[0], y_mm - surface.at_mm[1])
+    level = np.clip(surface.near.contact_radius_mm - radius, -pad.step_mm, pad.step_mm)
+    level = np.where(np.isfinite(overlap), level, -pad.step_mm)
+    height = np.where(pad.inside, surface.height_mm(x_mm, y_mm), 0.0)
+    return GridTop(
+        at_mm=pad.at_mm,
+        x_mm=pad.x_mm,
+        y_mm=pad.y_mm,
+        height_mm=np.where(level > 0.0, overlap, np.minimum(height, overlap)),
+        level=level,
+    )
+
+
+def _corrected(
+    pad: Pad,
+    both: HeldPress,
+    alone: list[HeldPress],
+    overlaps: list[FloatArray],
+    nearest: IntArray,
+    surfaces: list[PadSurface],
+) -> GridTop:
+    """The top under both tips, corrected by what the linear layer is off under each alone."""
+    free, wider = both.top.height_mm.copy(), []
+    for surface, linear, overlap in zip(surfaces, alone, overlaps, strict=True):
+        free += _library_top(pad, surface, overlap).height_mm - linear.top.height_mm
+        wider.append(surface.near.contact_radius_mm - math.sqrt(linear.area_mm2 / math.pi))
+    overlap = np.minimum(*overlaps)
+    level = np.clip(both.top.level + np.array(wider)[nearest], -pad.step_mm, pad.step_mm)
+    level = np.where(np.isfinite(overlap), level, -pad.step_mm)
+    height = np.where(level > 0.0, overlap, np.minimum(free, overlap))
+    return replace(both.top, height_mm=height, level=level)

@@ -1,0 +1,116 @@
+"""The light of a pad under two touches at once.
+
+    ratio(A, B) = ratio(A) ratio(B) + g(A, B) - g(A) g(B),      pair by pair, light over untouched light
+
+The ratios of single touches are those of the signal map, whose light is that of the verdict. g is the light of the
+method for grids, on the tops of both tips together and of each alone (`optopad.sims.contact.held.tips`), with the same
+random offsets and, on flat pads, on one grid, so that most of its errors cancel. What g adds to the product is how much
+light both touches change together: rays that meet both, and the motion of the top under one tip by the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from optopad.design.arrays import FloatArray
+from optopad.design.draft import Draft
+from optopad.design.errors import InputError
+from optopad.sims.contact.held.tips import MOST_TIPS, pressed_tips, require_apart
+from optopad.sims.contact.scope import contact_of
+from optopad.sims.held import light_of_tops, require_traced
+from optopad.sims.learning.traced_map import SignalMap
+from optopad.sims.optics.accuracy import Accuracy
+from optopad.sims.optics.engine.threads import run_each
+from optopad.sims.press import GridTop
+
+WINDOW = 32
+"""States whose tops are held in memory together; each has 1 to 3 MB."""
+
+
+def touch_ratios(
+    draft: Draft,
+    known: SignalMap,
+    presses_mm: FloatArray,
+    *,
+    seed: int = 0,
+    accuracy: str | Accuracy = "score",
+    on_step: Callable[[int, int], None] | None = None,
+) -> FloatArray:
+    """Light over untouched light (n, pair) under one or two touches [-].
+
+    Parameters
+    ----------
+    known : map of the light of single touches
+    presses_mm : (n, 2, 3) x, y, depth of both touches [mm]; one with a depth of 0 or less, or NaN, is absent
+    seed, accuracy : settings of the light model
+    on_step : called with (states done, states)
+
+    Raises
+    ------
+    InputError : the shape is wrong.
+    ModelScopeError : tips overlap or are no hemispheres, or the contact model does not cover a press.
+    """
+    presses = np.asarray(presses_mm, dtype=np.float64)
+    if presses.ndim != 3 or presses.shape[1:] != (MOST_TIPS, 3):
+        raise InputError(f"presses_mm: shape {presses.shape}, needs (n, {MOST_TIPS}, 3) of x, y, depth")
+    is_touching = presses[:, :, 2] > 0.0
+    single = known.ratio_root.values(np.where(is_touching[..., None], presses, 0.0).reshape(-1, 3)) ** 2
+    single = np.where(is_touching[..., None], single.reshape(*is_touching.shape, -1), 1.0)
+    found = single.prod(axis=1)
+    both = np.flatnonzero(is_touching.all(axis=1))
+    if len(both):
+        found[both] += changes_together(draft, presses[both], seed=seed, accuracy=accuracy, on_step=on_step)
+    return np.asarray(np.maximum(found, 0.0))
+
+
+def changes_together(
+    draft: Draft,
+    presses_mm: FloatArray,
+    *,
+    seed: int = 0,
+    accuracy: str | Accuracy = "score",
+    on_step: Callable[[int, int], None] | None = None,
+) -> FloatArray:
+    """What the light of two touches (n, 2, 3) has in addition to the product of both (n, pair), over untouched light.
+
+    Errors are those of `touch_ratios`.
+    """
+    require_traced(draft)
+    for tips in presses_mm:
+        require_apart(draft, tips)
+    single, number = np.unique(presses_mm.reshape(-1, 3), axis=0, return_inverse=True)
+    states = [*single[:, None], *presses_mm]
+    light = _grid_light(draft, states, seed=seed, accuracy=accuracy, on_step=on_step)
+    alone = light[: len(single)][np.reshape(number, (-1, MOST_TIPS))]
+    return np.asarray(light[len(single) :] - alone.prod(axis=1))
+
+
+def _grid_light(
+    draft: Draft,
+    states: Sequence[FloatArray],
+    *,
+    seed: int,
+    accuracy: str | Accuracy,
+    on_step: Callable[[int, int], None] | None,
+) -> FloatArray:
+    """Light over untouched light (state, pair) of tips (tip, 3), by the method for grids; 0 for pairs without light."""
+    contact, parts = contact_of(draft.design), []
+    for start in range(0, len(states), WINDOW):
+        few = states[start : start + WINDOW]
+        tops: list[GridTop | None] = [None] * len(few)
+
+        def solve(number: int, few: Sequence[FloatArray] = few, tops: list[GridTop | None] = tops) -> None:
+            tops[number] = pressed_tips(contact, few[number]).top
+
+        def tell(done: int, _total: int, start: int = start) -> None:
+            if on_step is not None:
+                on_step(start + done, len(states))
+
+        run_each(solve, len(few))
+        found = [one for one in tops if one is not None]
+        light = light_of_tops(draft, found, accuracy=accuracy, seed=seed, on_step=tell)
+        whole = np.where(light.untouched > 0.0, light.untouched, np.inf)
+        parts.append((light.flux / whole).reshape(len(few), -1))
+    return np.concatenate(parts)
