@@ -45,7 +45,7 @@ the covariance of the press, with the gains marginalised. Pairs whose residual i
 Huber's weights, and the search continues from there, so that a reading that the model does not explain moves the press
 less.
 
-Left out: presses beyond the box, two tips at once, other minima (the other starts are compared by χ² only), and the
+Left out: presses beyond the box, other minima (the other starts are compared by χ² only), and the
 spread of a flat χ²: if the touch is too light to be located, A⁻¹ is only approximate.
 
 The model (`SignalMapModel`)
@@ -68,6 +68,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, cached_property
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,6 +76,7 @@ from numpy.typing import NDArray
 from optopad.design.arrays import FloatArray, IntArray
 from optopad.design.errors import InputError
 from optopad.sims.learning.inference.header import ModelHeader
+from optopad.sims.learning.inference.together import Together, together_of_arrays
 from optopad.sims.learning.inference.touch_model import (
     UNIT_SIGMA,
     Arrays,
@@ -387,6 +389,14 @@ class Found:
     untouched_square: FloatArray
 
 
+class StartTable(Protocol):
+    """Interface of what a search may start from."""
+
+    def starts(self, signals: FloatArray, seen: Whitening) -> FloatArray:
+        """Presses (n, start, unknown) to start from, for frames (n, pair) and their inverse covariance."""
+        ...
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CoarseTable:
     """Presses (t, 3) from which a search may start, and their signals (t, pair)."""
@@ -428,7 +438,7 @@ class CoarseTable:
 
 def found_presses(
     answers: Answers,
-    table: CoarseTable,
+    table: StartTable,
     box: Box,
     signals: FloatArray,
     untouched: FloatArray,
@@ -439,7 +449,7 @@ def found_presses(
     Parameters
     ----------
     answers : function that gives the signals of presses [counts] and their slopes [counts/mm]
-    table : presses from which the search may start
+    table : where the search may start
     box : range of the search
     signals : (n, pair) measured frames [counts]
     untouched : (pair,) signals without a press [counts]
@@ -447,11 +457,12 @@ def found_presses(
     """
     count = len(signals)
     starts = table.starts(signals, seen)
-    twice = np.repeat(np.arange(count), STARTS)
+    each = starts.shape[1]
+    twice = np.repeat(np.arange(count), each)
     found = _Search(answers, box, signals[twice], seen.of(twice)).descend(
         starts.reshape(-1, starts.shape[-1]), STEPS
     )
-    pick = np.argmin(found.square.reshape(count, STARTS), axis=1) + STARTS * np.arange(count)
+    pick = np.argmin(found.square.reshape(count, each), axis=1) + each * np.arange(count)
     place = found.of(pick)
     own = seen.own_deviations(signals - answers(place.press)[0])
     untouched_square = seen.square(signals - untouched)
@@ -571,6 +582,7 @@ class SignalMapModel:
     box : range of the search for presses
     threshold : half of the difference in χ² above which a touch is detected [-]
     sigma : factors by depth that multiply the standard deviations
+    together : what two touches change together; None if the model was trained for one
     """
 
     header: ModelHeader
@@ -580,6 +592,7 @@ class SignalMapModel:
     box: Box
     threshold: float
     sigma: SigmaTable = UNIT_SIGMA
+    together: Together | None = None
 
     def __post_init__(self) -> None:
         """Compute the table of presses from which searches start."""
@@ -640,6 +653,7 @@ class SignalMapModel:
             "box_mm": np.stack([self.box.low, self.box.high]),
             "threshold": np.array([self.threshold]),
             **self.sigma.arrays(),
+            **({} if self.together is None else self.together.arrays()),
         }
 
 
@@ -697,6 +711,7 @@ def signal_map_of_arrays(header: ModelHeader, arrays: Arrays) -> SignalMapModel:
         threshold=float(taken(arrays, "threshold", (1,))[0]),
         # older files have no measured factors
         sigma=sigma_table_of_arrays(arrays) if "sigma_factor" in arrays else UNIT_SIGMA,
+        together=together_of_arrays(arrays, pairs),
     )
 
 

@@ -1,0 +1,342 @@
+"""Up to two touches in each frame, by a signal map that was trained for two; needs numpy only.
+
+Signals of two touches
+----------------------
+    ratio(A, B) = ratio(A) ratio(B) + change(A, B),      limited at full scale
+
+with the ratios of single touches from the map, and `change` from `optopad.sims.learning.inference.together`.
+
+The search
+----------
+Six unknowns, x, y and depth of both touches, are searched as those of one touch are (`found_presses`). The starts come
+from a table of single presses. In logarithms a product of ratios is a sum, so with one weight per pair, the square of
+the residual of every two presses i and j of the table follows from their Gram matrix G:
+
+    χ²(i, j) = const + s_i + s_j + 2 G_ij,      s_i = G_ii - 2 v_i,      v = the frame's products with the table
+
+A pseudo reading keeps the touches apart: it is 0 unless the tips overlap.
+
+One or two
+----------
+A frame has two touches if they explain it better than one by more than a threshold, under the same noise:
+
+    second score = ½ (χ²(best single touch) - χ²(best two touches)) - threshold.
+
+Readings that two touches leave beyond `OUTLIER` deviations count less in both. On simulated single touches, whose light
+is not that of the map, the score is above 0 in fewer than `optopad.sims.learning.together_fit.FALSE_SECONDS` of the
+frames. After the decision the search goes on with the error of `change` in the noise, which grows with what both
+touches change in a pair; so pairs that both change count less, and the deviations include this error.
+
+The model leaves out more than two touches, and touches by anything but the tip of the training.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from optopad.design.arrays import BoolArray, FloatArray, IntArray
+from optopad.design.errors import InputError
+from optopad.sims.learning.inference.signal_map import (
+    FRAMES_AT_ONCE,
+    OUTLIER,
+    Box,
+    Found,
+    SignalMapModel,
+    Whitening,
+    found_presses,
+    whitening,
+)
+from optopad.sims.learning.inference.together import Together
+from optopad.sims.learning.inference.touch_model import TouchModel, checked_signals
+
+MOST_STARTS = 600
+"""Largest number of single presses of which two are chosen to start from; the Gram matrix grows with its square."""
+START_DEPTHS = 5
+FAINTEST = 0.03
+"""Least ratio of light in logarithms [-]."""
+USUAL_ERROR = 0.02
+"""Error of the logarithms for the choice of starts [-]: about that of a product of ratios."""
+APART_MM = 0.3
+"""Standard deviation of the pseudo reading that keeps tips from overlapping [mm]."""
+OTHER_MM = 2.5
+"""Least distance of one touch between two starts [mm]."""
+STARTS = 3
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Touches:
+    """Up to two touches in each of n frames.
+
+    Attributes
+    ----------
+    count : (n,) number of touches, 0 to 2
+    touch_score : (n,) score of touch against no touch, as of `Prediction` [-]
+    second_score : (n,) score of two touches against one [-]; above 0 there are two if there is touch
+    press_mm : (n, 2, 3) x, y, depth of each touch, the deeper first; NaN where absent [mm]
+    sigma_mm : (n, 2, 3) standard deviations; NaN where absent [mm]
+    force_n : (n, 2) force from the model's force curve, 0 where absent [N]; None if the model has no such curve
+    """
+
+    count: IntArray
+    touch_score: FloatArray
+    second_score: FloatArray
+    press_mm: FloatArray
+    sigma_mm: FloatArray
+    force_n: FloatArray | None
+
+
+def require_two_touches(model: TouchModel) -> SignalMapModel:
+    """The model, if it can tell two touches apart.
+
+    Raises
+    ------
+    InputError : it is of another kind, or was trained for one touch.
+    """
+    way_out = "train one with `optopad train DATA --model signal-map --touches 2`"
+    if not isinstance(model, SignalMapModel):
+        raise InputError(f"model: {model.header.kind} knows one touch; a signal map can know two: {way_out}")
+    if model.together is None:
+        raise InputError(f"model: this signal map was trained for one touch; {way_out}")
+    return model
+
+
+def found_touches(model: TouchModel, signals: FloatArray) -> Touches:
+    """Find up to two touches in frames (n, pair) [counts].
+
+    Raises
+    ------
+    InputError : the model knows one touch only, or frames do not fit it.
+    """
+    known = require_two_touches(model)
+    signals = checked_signals(known.header, signals)
+    search = search_of(known)
+    parts = [
+        search.touches(signals[first : first + FRAMES_AT_ONCE])
+        for first in range(0, max(len(signals), 1), FRAMES_AT_ONCE)
+    ]
+    joined = {
+        name: np.concatenate([getattr(one, name) for one in parts])
+        for name in ("count", "touch_score", "second_score", "press_mm", "sigma_mm")
+    }
+    curve = known.header.force_curve
+    force = None
+    if curve is not None:
+        force = np.where(
+            np.isnan(joined["press_mm"][..., 2]), 0.0, curve.at(np.nan_to_num(joined["press_mm"][..., 2]))
+        )
+    return Touches(**joined, force_n=force)
+
+
+def search_of(model: SignalMapModel) -> TwoTouchSearch:
+    """The search of a model, made once."""
+    found = model.__dict__.get("_two_touches")
+    if not isinstance(found, TwoTouchSearch):
+        assert model.together is not None
+        found = TwoTouchSearch(single=model, together=model.together)
+        object.__setattr__(model, "_two_touches", found)
+    return found
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Starts:
+    """Table of starts that are the same for every search: `starts` of `CoarseTable` for chosen ones."""
+
+    chosen: FloatArray
+
+    def starts(self, signals: FloatArray, seen: Whitening) -> FloatArray:  # noqa: ARG002
+        return self.chosen
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TwoTouchSearch:
+    """Searches two touches in frames.
+
+    Attributes
+    ----------
+    single : the model of one touch
+    together : what two touches change together
+    """
+
+    single: SignalMapModel
+    together: Together
+
+    @cached_property
+    def _box(self) -> Box:
+        box = self.single.box
+        return Box(low=np.tile(box.low, 2), high=np.tile(box.high, 2))
+
+    @cached_property
+    def _presses(self) -> FloatArray:
+        """Single presses (t, 3) of which starts are made."""
+        box = self.single.box
+        sides = (box.high - box.low)[:2]
+        pitch = float(np.sqrt(sides.prod() * START_DEPTHS / MOST_STARTS))
+        axes = [
+            np.linspace(low, high, max(round((high - low) / pitch), 1) + 1)
+            for low, high in zip(box.low[:2], box.high[:2], strict=True)
+        ]
+        depths = np.linspace(0.0, np.sqrt(box.high[2]), START_DEPTHS + 1)[1:] ** 2
+        return np.stack([one.ravel() for one in np.meshgrid(*axes, depths, indexing="ij")], axis=1)
+
+    @cached_property
+    def _weights(self) -> FloatArray:
+        """Weights (pair,) of logarithms for the choice of starts."""
+        model = self.single
+        variance = model.noise.variance(model.full_counts[None])[0] / model.full_counts**2
+        is_clipped = model.full_counts >= model.noise.clip_counts
+        return np.where(is_clipped, 0.0, 1.0 / (variance + USUAL_ERROR**2))
+
+    @cached_property
+    def _table(self) -> tuple[FloatArray, FloatArray]:
+        """Weighted logarithms (pair, t) of the table's ratios, and their Gram matrix (t, t), infinite for overlaps."""
+        ratio = self.single.ratio_root.values(self._presses) ** 2
+        log = np.log(np.maximum(ratio, FAINTEST))
+        gram = (log * self._weights) @ log.T
+        place = self._presses[:, :2]
+        apart = np.linalg.norm(place[:, None] - place, axis=2)
+        own = np.diagonal(gram)
+        pairs = np.where(apart < self.together.least_mm, np.inf, 0.5 * (own[:, None] + own) + gram)
+        return (log * self._weights).T.astype(np.float32), pairs.astype(np.float32)
+
+    def starts(self, signals: FloatArray) -> FloatArray:
+        """Two touches to start from (n, STARTS, 6) for frames (n, pair)."""
+        table, pairs = self._table
+        presses = self._presses
+        log = np.log(np.maximum(signals / self.single.full_counts, FAINTEST))
+        own = -(log.astype(np.float32) @ table)
+        found = np.empty((len(signals), STARTS, 6))
+        for number, row in enumerate(own):
+            square = pairs + row
+            other = square.argmin(axis=1)
+            best = square[np.arange(len(row)), other] + row
+            for start in range(STARTS):
+                first = int(best.argmin())
+                second = int(other[first])
+                found[number, start] = *presses[first], *presses[second]
+                for one in (first, second):
+                    near = np.abs(presses[:, :2] - presses[one, :2]).max(axis=1) < OTHER_MM
+                    best[near] += np.float32(1e6) if start == 0 else np.float32(1e12)
+        return found
+
+    def touches(self, signals: FloatArray) -> Touches:
+        """Touches in at most `FRAMES_AT_ONCE` frames, without forces."""
+        model = self.single
+        seen = model.noise.seen_in(signals)
+        one = model.found(signals)
+        touch_score = 0.5 * (one.untouched_square - one.square) - model.threshold
+        two, second_score = self.compared(signals, seen, one)
+        second_score = second_score - self.together.threshold
+        is_touched, is_double = touch_score > 0.0, second_score > 0.0
+        is_double &= self._apart(two.press_mm)
+        is_touched |= is_double
+        press = np.full((len(signals), 2, 3), np.nan)
+        sigma = np.full((len(signals), 2, 3), np.nan)
+        single = is_touched & ~is_double
+        press[single, 0] = one.press_mm[single]
+        raw = np.sqrt(np.einsum("nii->ni", one.covariance[single]))
+        sigma[single, 0] = model.sigma.sigma_mm(one.press_mm[single, 2], raw)
+        double = np.flatnonzero(is_double)
+        if len(double):
+            press[double], sigma[double] = self._refined(signals[double], two.press_mm[double])
+        return Touches(
+            count=is_touched.astype(np.int64) + is_double,
+            touch_score=np.where(is_double, np.maximum(touch_score, second_score), touch_score),
+            second_score=second_score,
+            press_mm=press,
+            sigma_mm=sigma,
+            force_n=None,
+        )
+
+    def compared(self, signals: FloatArray, seen: Whitening, one: Found) -> tuple[Found, FloatArray]:
+        """The best two touches of frames, and half of what χ² is less than with the best single one (n,)."""
+        untouched = np.minimum(self.single.full_counts, self.single.noise.clip_counts)
+        padded = _padded(seen)
+        two = found_presses(
+            self.answers,
+            _Starts(chosen=self.starts(signals)),
+            self._box,
+            _with_zero(signals),
+            _with_zero(untouched[None])[0],
+            padded,
+        )
+        mean = self.answers(two.press_mm)[0][:, :-1]
+        own = seen.own_deviations(signals - mean)
+        fair = seen.softened(own, OUTLIER)
+        single = self.single.answers(one.press_mm)[0]
+        gain = fair.square(signals - single) - fair.square(signals - mean)
+        return two, 0.5 * gain
+
+    def _apart(self, press: FloatArray) -> BoolArray:
+        """Whether both touches (n, 6) are deeper than nothing and about as far apart as two tips need."""
+        away = np.hypot(press[:, 0] - press[:, 3], press[:, 1] - press[:, 4])
+        return np.asarray(
+            (away > self.together.least_mm - 3.0 * APART_MM) & (press[:, [2, 5]].min(axis=1) > 0.0)
+        )
+
+    def _refined(self, signals: FloatArray, press: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Presses and deviations (n, 2, 3), the deeper first, with the error of `together` in the noise."""
+        model = self.single
+        ratios = [model.ratio_root.values(press[:, k : k + 3]) ** 2 for k in (0, 3)]
+        error = self.together.error(*ratios) * model.full_counts
+        seen = model.noise.seen_in(signals)
+        weight = np.where(seen.weight > 0.0, 1.0 / (1.0 / np.maximum(seen.weight, 1e-300) + error**2), 0.0)
+        found = found_presses(
+            self.answers,
+            _Starts(chosen=press[:, None]),
+            self._box,
+            _with_zero(signals),
+            _with_zero(np.minimum(model.full_counts, model.noise.clip_counts)[None])[0],
+            _padded(whitening(weight, seen.gains)),
+        )
+        raw = np.sqrt(np.einsum("nii->ni", found.covariance)).reshape(-1, 2, 3)
+        both = found.press_mm.reshape(-1, 2, 3)
+        sigma = np.stack([self.together.sigma.sigma_mm(both[:, k, 2], raw[:, k]) for k in range(2)], axis=1)
+        order = np.argsort(-both[:, :, 2], axis=1, kind="stable")[..., None]
+        return np.take_along_axis(both, order, axis=1), np.take_along_axis(sigma, order, axis=1)
+
+    def answers(self, press: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Signals and overlap of the tips (n, pair + 1), and their slopes (n, 6, pair + 1)."""
+        model, count = self.single, len(press)
+        root, slopes = model.ratio_root.with_gradient(press.reshape(-1, 3))
+        ratio = (root**2).reshape(count, 2, -1)
+        slope = (2.0 * root[:, None] * slopes).reshape(count, 2, 3, -1)
+        change, by_press = self.together.change(press.reshape(count, 2, 3), ratio, slope)
+        signals = (ratio[:, 0] * ratio[:, 1] + change) * model.full_counts
+        product = np.stack([slope[:, 0] * ratio[:, None, 1], slope[:, 1] * ratio[:, None, 0]], axis=1)
+        slope = (product + by_press).reshape(count, 6, -1) * model.full_counts
+        clip = model.noise.clip_counts
+        is_beyond = (signals < 0.0) | (signals >= clip)
+        signals, slope = np.clip(signals, 0.0, clip), np.where(is_beyond[:, None], 0.0, slope)
+        along = press[:, 0:2] - press[:, 3:5]
+        away = np.maximum(np.hypot(*along.T), 1e-9)
+        overlap = np.maximum(self.together.least_mm - away, 0.0)
+        by_place = np.where(overlap[:, None] > 0.0, -along / away[:, None], 0.0)
+        none = np.zeros((count, 1))
+        by_all = np.concatenate([by_place, none, -by_place, none], axis=1)
+        return (
+            np.concatenate([signals, overlap[:, None]], axis=1),
+            np.concatenate([slope, by_all[:, :, None]], axis=2),
+        )
+
+
+def _with_zero(values: FloatArray) -> FloatArray:
+    """An array with a zero at the end of its last axis."""
+    return np.pad(values, [*[(0, 0)] * (values.ndim - 1), (0, 1)])
+
+
+def _padded(seen: Whitening) -> Whitening:
+    """The inverse covariance with the pseudo reading of the tips' overlap."""
+    return Whitening(
+        weight=np.pad(seen.weight, ((0, 0), (0, 1)), constant_values=APART_MM**-2),
+        gains=_with_zero(seen.gains),
+        shared=_with_zero(seen.shared),
+    )
+
+
+def at_threshold(model: SignalMapModel, threshold: float) -> SignalMapModel:
+    """The model with another threshold of the second touch."""
+    assert model.together is not None
+    return replace(model, together=replace(model.together, threshold=threshold))
