@@ -125,7 +125,7 @@ class ListedPress:
         if len(self.asked.held) == 1:
             return np.array([[*self.place_mm, depth_mm]])
         given = np.array([[one.x, one.y, one.depth] for one in self.asked.held], dtype=np.float64)
-        return given + np.array([*self.shear_mm, 0.0])
+        return np.asarray(given + np.array([*self.shear_mm, 0.0]))
 
 
 def read_presses(file: Path, default: HeldObject | None = None) -> tuple[ListedPress, ...]:
@@ -198,11 +198,12 @@ def _of_two(asked: AskedPress, cells: dict[str, str], where: str) -> AskedPress:
         )
     x2, y2, depth2 = (_number(cells[name], name, where) for name in SECOND_COLUMNS)
     _require_depth(depth2, "depth2_mm", where)
-    apart = float(np.hypot(x2 - x, y2 - y))
+    apart = float(np.linalg.norm([x2 - x, y2 - y, depth2 - asked.depth_mm]))
     if apart < 2.0 * held.radius:
         raise InputError(
-            f"{where}: x2_mm, y2_mm: the balls at ({x:g}, {y:g}) and ({x2:g}, {y2:g}) mm overlap: {apart:.2f} mm "
-            f"apart, needs two radii, {2.0 * held.radius:g} mm; move them apart, or take a smaller ball"
+            f"{where}: x2_mm, y2_mm: the balls at ({x:g}, {y:g}) and ({x2:g}, {y2:g}) mm overlap: their centres "
+            f"are {apart:.2f} mm apart, need two radii, {2.0 * held.radius:g} mm; move them apart, or take a smaller "
+            "ball"
         )
     both = ({"x": x, "y": y, "depth": asked.depth_mm}, {"x": x2, "y": y2, "depth": depth2})
     return replace(asked, held=tuple(held.model_copy(update=one) for one in both), depth_mm=None)

@@ -225,7 +225,7 @@ def _sample_type(header: PressData) -> np.dtype[np.void]:
 
 def _tips(header: PressData) -> int:
     """Number of further tips in each sample."""
-    return header.others_mm.shape[1]
+    return int(header.others_mm.shape[1])
 
 
 def _rows_of(press: PressData, kind: np.dtype[np.void]) -> NDArray[np.void]:

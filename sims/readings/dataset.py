@@ -180,7 +180,7 @@ def _data_of(found: xr.Dataset, file: Path, design: SensorDesign | None) -> Pres
         true_press_mm=in_unit(found, list(TRUE_PRESS), LENGTHS_MM) if has_truth else None,
         others_mm=others_of(found, file),
     )
-    one = data.only(~data.has_more)
+    one = data.of_one_tip()
     require_true_labels(one.press_mm[:, 2], one.press_mm[:, :2], one.features(), known)
     # the radius of listed objects is their own, and was compared when they were pressed
     require_true_others(press_mm, data.others_mm, known, has_tips=OBJECT not in found.variables)

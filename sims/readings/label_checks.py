@@ -299,15 +299,15 @@ def require_true_others(
         return
     near_mm = 2.0 * design.indenter.tip_radius_mm
     for first, second in combinations(np.moveaxis(tips, 1, 0), 2):
-        apart_mm = np.hypot(*(first - second)[:, :2].T)
+        apart_mm = np.linalg.norm(first - second, axis=1)
         is_bad = (apart_mm < near_mm - SLACK_MM) & (first[:, 2] > 0.0) & (second[:, 2] > 0.0)
         if is_bad.any():
             at = int(is_bad.argmax())
             places = " and ".join(f"({x:g}, {y:g})" for x, y, _ in (first[at], second[at]))
             raise InputError(
                 f"others: in {is_bad.sum()} of {len(tips)} frames of two touches the tips overlap, first at {places} "
-                f"mm, {apart_mm[at]:.2f} mm apart; needs two tip radii, {near_mm:g} mm; correct the positions, or drop "
-                "these frames"
+                f"mm, their centres {apart_mm[at]:.2f} mm apart; needs two tip radii, {near_mm:g} mm; correct the "
+                "positions, or drop these frames"
             )
 
 

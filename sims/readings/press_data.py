@@ -104,12 +104,17 @@ class PressData:
     @property
     def touch_count(self) -> IntArray:
         """Number (sample,) of tips that touch: those with a depth above 0."""
-        return (self.press_mm[:, 2] > 0.0).astype(np.int64) + (self.others_mm[..., 2] > 0.0).sum(axis=1)
+        others = (self.others_mm[..., 2] > 0.0).sum(axis=1)
+        return np.asarray(others + (self.press_mm[:, 2] > 0.0), dtype=np.int64)
 
     @property
     def has_more(self) -> BoolArray:
         """Whether a further tip touches (sample,)."""
         return np.asarray((self.others_mm[..., 2] > 0.0).any(axis=1))
+
+    def of_one_tip(self) -> PressData:
+        """The samples in which no further tip touches."""
+        return self.only(~self.has_more) if self.has_more.any() else self
 
     def signals(self) -> NDArray[np.float32]:
         """Signals (sample, emitter, receiver): readings minus those of the off state [counts]."""

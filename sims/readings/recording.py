@@ -125,7 +125,7 @@ def _read_netcdf(file: Path) -> Recording:
     lengths = ["press_depth", *(("press_x", "press_y") if has_place else ())]
     require_numbers(dataset, file, lengths, ("time",))
     try:
-        is_more = (others_of(dataset, file)[..., 2] > 0.0).any(axis=1)
+        is_more = np.asarray((others_of(dataset, file)[..., 2] > 0.0).any(axis=1))
     except InputError as err:
         raise InputError(f"{file}: {err}") from None
     dataset = dataset.isel(time=~is_more) if is_more.any() else dataset

@@ -50,7 +50,7 @@ REFUSED = (
     ("x_mm,y_mm,depth_mm,object,role\n9,7,1,sphere,learn\n", "row 2 ... role ... learn ... train or test"),
     ("x_mm;y_mm;depth_mm\n9;7;1\n", "semicolons"),
     (f"{TWO}9,7,1,,,,sphere\n9,7,1,14,7,,sphere\n", "row 3 ... x2_mm, y2_mm without depth2_mm"),
-    (f"{TWO}9,7,1,12,7,1,sphere;radius=2\n", "row 2 ... overlap: 3.00 mm apart ... two radii, 4 mm"),
+    (f"{TWO}9,7,1,12,7,1,sphere;radius=2\n", "row 2 ... overlap ... 3.00 mm apart ... two radii, 4 mm"),
     (f"{TWO}9,7,1,18,7,1,cylinder\n", "row 2 ... x2_mm ... cylinder ... sphere"),
     (f"{TWO}9,7,1,18,7,-1,sphere\n", "row 2 ... depth2_mm ... -1 ... 0 or more"),
     (f"{TWO}9,7,1,18,seven,1,sphere\n", "row 2 ... y2_mm ... seven"),

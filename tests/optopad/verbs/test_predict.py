@@ -86,6 +86,8 @@ def test_what_contradicts_or_is_unknown_is_refused_before_any_light(capsys, tmp_
         ("--learner", "oracle"): "'oracle' is no learner",
         ("--draws", "0"): "--draws: 0 is refused",
         ("--protocol", "piacenza2018"): "no such protocol",
+        ("--touches", "3"): "touches: 3 is refused; the models know one or two",
+        ("--touches", "2", "--set", "indenter.shape=cone"): "indenter.shape: cone; two touches",
     }
     for options, words in cases.items():
         assert main(["predict", "piacenza2017-pad", "--out", str(tmp_path), *options]) == 2

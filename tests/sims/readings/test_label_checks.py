@@ -111,7 +111,7 @@ def two_tips(other_mm: list[float], press_mm: list[float] | None = None) -> Pres
     [
         (
             [14.0, 10.0, 1.0],
-            "20 of 20 frames ... overlap ... (10, 10) and (14, 10) mm, 4.00 mm ... two tip radii, 6 mm",
+            "20 of 20 frames ... overlap ... (10, 10) and (14, 10) mm, their centres 4.00 mm ... two tip radii, 6 mm",
         ),
         ([40.0, 10.0, 1.0], "others: 20 of 40 ... outside the cavity ... (40, 10)"),
         ([20.0, 10.0, 1000.0], "others: ... 1000 mm ... millimetres"),
