@@ -105,7 +105,8 @@ def pressed_tips(contact: Contact, tips_mm: FloatArray) -> TipsPress:
     if not len(tips):
         raise InputError("tips_mm: none has a depth above 0; give one or two that touch")
     pad = pad_at(contact, _frame_at(contact.draft, tips))
-    _require_depth(pad, contact, tips)
+    if len(tips) > 1:
+        _require_depth(contact, tips)
     overlaps = [_overlap(pad, contact, tip) for tip in tips]
     is_flat = contact.draft.plan.top.is_flat
     surfaces = list(pad_surfaces(contact, tips)) if is_flat else []
@@ -128,14 +129,22 @@ def pressed_tips(contact: Contact, tips_mm: FloatArray) -> TipsPress:
     )
 
 
-def _require_depth(pad: Pad, contact: Contact, tips: FloatArray) -> None:
+def deepest_mm(contact: Contact, at_mm: Place | None = None) -> float:
+    """Deepest press that the model of two tips covers at a place, or where the pad is thickest [mm]."""
+    radius = contact.tip_radius_mm
+    return min(LARGEST_HELD_SHARE * contact.layer_at(at_mm), 1.0) * radius
+
+
+def _require_depth(contact: Contact, tips: FloatArray) -> None:
     """Refuse tips deeper than the linear layer is taken to hold, or than a ball is half sunk."""
-    deepest_mm, depth_mm = min(pad.deepest_mm, contact.tip_radius_mm), float(tips[:, 2].max())
-    if depth_mm > deepest_mm + 1e-9:
-        raise ModelScopeError(
-            f"touches: {depth_mm:g} mm is deeper than the model of two touches covers: {deepest_mm:.3g} mm, "
-            f"{LARGEST_HELD_SHARE:.0%} of the elastic layer there and one tip radius at most; press less deep"
-        )
+    for x, y, depth in tips.tolist():
+        deepest = deepest_mm(contact, (x, y))
+        if depth > deepest + 1e-9:
+            raise ModelScopeError(
+                f"touches: {depth:g} mm is deeper than the model of two touches covers at ({x:g}, {y:g}) mm: "
+                f"{deepest:.3g} mm, {LARGEST_HELD_SHARE:.0%} of the elastic layer there and one tip radius at most; "
+                "press less deep"
+            )
 
 
 def _frame_at(draft: Draft, tips: FloatArray) -> Place:
