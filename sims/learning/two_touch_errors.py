@@ -28,8 +28,8 @@ from optopad.design.draft import Draft
 from optopad.design.errors import InputError
 from optopad.design.progress import OnStep
 from optopad.design.recordings import signals_of
-from optopad.design.rules.touch import LARGEST_HELD_SHARE
-from optopad.sims.contact.held.tips import MOST_TIPS, require_hemisphere
+from optopad.sims.contact.held.tips import MOST_TIPS, deepest_mm, require_hemisphere
+from optopad.sims.contact.scope import contact_of
 from optopad.sims.learning.inference.touch_model import TouchModel
 from optopad.sims.learning.inference.two_touches import Touches, found_touches
 from optopad.sims.optics.tracing import trace
@@ -274,21 +274,12 @@ def drawn_touches(draft: Draft, states: int, rng: np.random.Generator) -> FloatA
     alone = np.full((len(places), 1, 2), np.nan)
     alone = np.concatenate([space.spread(rng.uniform(size=(len(places), 2)))[:, None], alone], axis=1)
     places = np.concatenate([places, alone])
-    share = rng.uniform(size=places.shape[:2])
-    deepest_mm = _deepest_mm(draft, np.nanmean(places, axis=1))[:, None]
-    depth_mm = np.where(np.isnan(places[..., 0]), np.nan, LEAST_MM + share * (deepest_mm - LEAST_MM))
+    contact, most_mm = contact_of(draft.design), draft.design.operating.max_depth_mm
+    depth_mm = np.full(places.shape[:2], np.nan)
+    for at in np.argwhere(np.isfinite(places[..., 0])):
+        x, y = places[tuple(at)]
+        depth_mm[tuple(at)] = rng.uniform(LEAST_MM, min(most_mm, deepest_mm(contact, (x, y))))
     return np.concatenate([places, depth_mm[..., None]], axis=2)
-
-
-def _deepest_mm(draft: Draft, at_mm: FloatArray) -> FloatArray:
-    """Deepest touch (n,) that design and contact model cover, with the middle of both touches at places (n, 2) [mm]."""
-    design, top = draft.design, draft.plan.top
-    elastic_mm = design.cavity.clear_thickness_mm + design.cavity.black_thickness_mm
-    normal = np.array([top.normal(x, y)[2] for x, y in at_mm.tolist()])
-    covered_mm = LARGEST_HELD_SHARE * (elastic_mm - top.sag_mm(*at_mm.T)) / normal
-    return np.asarray(
-        np.minimum(covered_mm, min(design.operating.max_depth_mm, design.indenter.tip_radius_mm))
-    )
 
 
 def _ratios(draft: Draft, touches_mm: FloatArray, seed: int, on_step: OnStep) -> FloatArray:

@@ -11,7 +11,7 @@ from optopad.design.draft import Draft
 from optopad.design.errors import InputError, ModelScopeError
 from optopad.design.preset import preset
 from optopad.sims.learning.inference.signal_map import SignalMapModel
-from optopad.sims.learning.inference.together import FEATURES, Together
+from optopad.sims.learning.inference.together import Together
 from optopad.sims.learning.inference.touch_model import UNIT_SIGMA
 from optopad.sims.learning.inference.two_touches import Touches
 from optopad.sims.learning.two_touch_errors import (
@@ -27,9 +27,7 @@ from optopad.sims.readings.press_data import PressData, SetEntry
 from tests.said import pattern
 from tests.sims.learning.made_up_map import (
     COUNT,
-    EMITTER_MM,
     EMITTERS,
-    RECEIVER_MM,
     RECEIVERS,
     made_up_map_model,
     ratios,
@@ -43,14 +41,9 @@ PAD = preset("piacenza2017-pad")
 def of_two() -> SignalMapModel:
     """The made-up model, whose pairs of touches have the product of both ratios."""
     together = Together(
-        chords_mm=np.concatenate(
-            [np.repeat(EMITTER_MM, COUNT, axis=0), np.tile(RECEIVER_MM, (COUNT, 1))], axis=1
-        ),
         radius_mm=3.0,
-        inner=np.zeros((FEATURES, 1)),
-        inner_offset=np.zeros(1),
-        outer=np.zeros(1),
-        missed=np.zeros(2),
+        errors=np.zeros(3),
+        floor_counts=np.full(COUNT * COUNT, 0.8),
         threshold=15.0,
         sigma=UNIT_SIGMA,
     )
