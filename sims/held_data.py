@@ -28,6 +28,7 @@ press of the set still has its remainder.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -220,6 +221,10 @@ def _require_columns(table: CsvTable) -> dict[str, str]:
     """Check the columns' names; the keys of objects among them, by column."""
     known = (*PRESS_COLUMNS, *KEY_COLUMNS)
     for name in table.heading:
+        if re.fullmatch(r"(x|y|depth)[3-9]_mm", name):
+            raise InputError(
+                f"{table.file}: has {name}; a row has one touch or two, x2_mm, y2_mm and depth2_mm: leave others out"
+            )
         if name not in known:
             near = nearest(name, known)
             hint = f"did you mean {near[0]}?" if near else f"a list has {NEEDED}"

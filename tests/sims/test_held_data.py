@@ -58,7 +58,7 @@ REFUSED = (
         TWO.replace("depth", "force", 1).replace("force_mm", "force_n") + "9,7,1,18,7,1,sphere\n",
         "row 2 ... force_n ... depth_mm",
     ),
-    ("x_mm,y_mm,depth_mm,x2_mm,y2_mm,depth2_mm,x3_mm\n9,7,1,18,7,1,24\n", "x3_mm"),
+    ("x_mm,y_mm,depth_mm,x2_mm,y2_mm,depth2_mm,x3_mm\n9,7,1,18,7,1,24\n", "x3_mm ... one touch or two"),
 )
 """Lists, and what the refusal names."""
 
