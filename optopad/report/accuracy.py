@@ -8,7 +8,7 @@ from optopad.report.sections.drawings import Drawing
 from optopad.report.words import asset, part
 from optopad.screen.prediction import PredictedAccuracy, bound_text, range_text
 from optopad.sims.learning.tables import WITHIN_MM, ErrorRow
-from optopad.sims.learning.two_touch_errors import LEAST_MM
+from optopad.sims.two_touch_errors import LEAST_MM
 
 
 def accuracy_page(found: PredictedAccuracy, drawings: Mapping[str, Drawing]) -> str:

@@ -26,7 +26,7 @@ from optopad.sims.learning.tables import (
     touch_json,
     touch_rows,
 )
-from optopad.sims.learning.two_touch_errors import TwoTouchErrors
+from optopad.sims.two_touch_errors import TwoTouchErrors
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -28,13 +28,13 @@ from optopad.sims.learning.inference.model_file import load_model
 from optopad.sims.learning.inference.signal_map import KIND as SIGNAL_MAP
 from optopad.sims.learning.inference.touch_model import TouchModel
 from optopad.sims.learning.tables import ERROR_DEPTHS_MM, judged, needed_samples, published_touch
-from optopad.sims.learning.two_touch_errors import errors_on_data, knows_two
 from optopad.sims.plots.accuracy import plot_arrows, plot_depths, plot_errors, plot_touch, shown_places_mm
 from optopad.sims.plots.files import write_plot
 from optopad.sims.plots.style import plain_style
 from optopad.sims.readings.dataset import read_data, require_design
 from optopad.sims.readings.label_checks import known_design
 from optopad.sims.readings.press_data import PressData, data_notes, left_out_note
+from optopad.sims.two_touch_errors import errors_on_data, knows_two
 from optopad.work import as_netcdf, read_design
 
 FEWEST_SAMPLES = 10

@@ -34,10 +34,10 @@ from optopad.sims.learning.inference.touch_model import TouchModel
 from optopad.sims.learning.learners import EFFORTS, LEARNERS, Learner
 from optopad.sims.learning.map_learner import chain_noise, signal_map_learner
 from optopad.sims.learning.tables import ERROR_DEPTHS_MM, published_touch
-from optopad.sims.learning.two_touch_errors import LEAST_MM, predicted_errors, require_touches
 from optopad.sims.readings.press_data import clipped_note
 from optopad.sims.readings.protocol import ProtocolCurves, draw, protocol_curves
 from optopad.sims.readings.signal_chain import chain_of
+from optopad.sims.two_touch_errors import LEAST_MM, predicted_errors, require_touches
 from optopad.verbs.evaluate import accuracies, write_accuracy
 from optopad.work import OUT
 

@@ -22,9 +22,9 @@ from optopad.sims.learning.learners import EFFORTS, LEARNERS, Learner
 from optopad.sims.learning.map_learner import signal_map_learner
 from optopad.sims.learning.samples import prepared
 from optopad.sims.learning.traced_map import load_curve
-from optopad.sims.learning.two_touch_errors import require_touches
 from optopad.sims.readings.dataset import PressData, data_notes, joined, read_data, require_design
 from optopad.sims.readings.press_data import left_out_note
+from optopad.sims.two_touch_errors import require_touches
 from optopad.work import as_netcdf, is_recording, read_design
 
 SUFFIX = ".optomodel"

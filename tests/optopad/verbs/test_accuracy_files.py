@@ -10,7 +10,7 @@ from optopad.design.preset import preset
 from optopad.design.shape.outline import rectangle
 from optopad.screen.prediction import PredictedAccuracy, accuracy_lines, accuracy_of
 from optopad.sims.learning.tables import JudgedPresses, published_touch
-from optopad.sims.learning.two_touch_errors import PairRow, TwoTouchErrors
+from optopad.sims.two_touch_errors import PairRow, TwoTouchErrors
 from optopad.verbs.evaluate import write_accuracy
 from tests.said import says
 

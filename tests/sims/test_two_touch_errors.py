@@ -14,7 +14,8 @@ from optopad.sims.learning.inference.signal_map import SignalMapModel
 from optopad.sims.learning.inference.together import Together
 from optopad.sims.learning.inference.touch_model import UNIT_SIGMA
 from optopad.sims.learning.inference.two_touches import Touches
-from optopad.sims.learning.two_touch_errors import (
+from optopad.sims.readings.press_data import PressData, SetEntry
+from optopad.sims.two_touch_errors import (
     LEAST_MM,
     ROWS_RADII,
     drawn_touches,
@@ -23,7 +24,6 @@ from optopad.sims.learning.two_touch_errors import (
     require_touches,
     two_touch_errors,
 )
-from optopad.sims.readings.press_data import PressData, SetEntry
 from tests.said import pattern
 from tests.sims.learning.made_up_map import (
     COUNT,
