@@ -4,8 +4,8 @@ A frame of two touches counts as found if the model reports two. Its touches are
 assignments, the one with the smaller sum of distances. A frame of one touch counts as right if the model reports one.
 Frames with a touch of less than `LEAST_MM` are left out, because such a touch may not be detected alone either.
 
-Simulated states have the same number of pairs in every row of the table, at random places, directions and depths. Their
-light is
+Simulated states are single touches at random places and depths, and random pairs of these, equally many in every row of
+the table. Their light is
 
     ratio of both = ratio(A) ratio(B) + what both change together
 
@@ -44,12 +44,10 @@ ROWS_RADII = (2.0, 2.5, 3.0, 4.0, 6.0, np.inf)
 """Limits of the tables' rows: distances between the touches over the tip radius [-]."""
 USUAL_RADIUS_MM = 3.0
 """Radius that is taken if the design is not known [mm]."""
-STATES, QUICK_STATES = 40, 8
-"""Simulated states in each row; there are as many single touches as pairs."""
+STATES, QUICK_STATES = (100, 40), (40, 8)
+"""Simulated single touches, and pairs of these in each row."""
 DRAWS = 3
 """Draws of drift for each test set, with a frame of each state."""
-CANDIDATES = 4000
-"""Random pairs from which those within the workspace are taken, for each row."""
 SEED = 860_011
 """Number added to the seed, so that the states' light and noise are none of the training."""
 
@@ -240,8 +238,7 @@ def predicted_errors(
     """
     draft, seed = Draft.of(curves.design), seed + SEED
     rng = np.random.default_rng(seed)
-    states = QUICK_STATES if quick else STATES
-    touches_mm = drawn_touches(draft, states, rng)
+    touches_mm = drawn_touches(draft, *(QUICK_STATES if quick else STATES), rng)
     ratios = _ratios(draft, touches_mm, seed, on_step)
     chain, untouched = chain_of(curves.design, curves.readout), curves.curves.untouched
     flux = ratios.reshape(-1, *untouched.shape) * untouched
@@ -257,45 +254,38 @@ def predicted_errors(
     return two_touch_errors(learner, found, np.tile(touches_mm, (len(signals), 1, 1)), radius_mm)
 
 
-def drawn_touches(draft: Draft, states: int, rng: np.random.Generator) -> FloatArray:
-    """Random pairs of touches, at most `states` in each row of the table, then as many single ones (n, 2, 3) [mm]."""
-    space, radius_mm = draft.workspace, draft.design.indenter.tip_radius_mm
-    widest_mm = float(np.hypot(space.x1_mm - space.x0_mm, space.y1_mm - space.y0_mm))
-    pairs = []
-    for low, high in pairwise(ROWS_RADII):
-        first = space.spread(rng.uniform(size=(CANDIDATES, 2)))
-        apart_mm = rng.uniform(
-            low * radius_mm, max(min(high * radius_mm, widest_mm), low * radius_mm), CANDIDATES
-        )
-        angle = rng.uniform(0.0, 2.0 * np.pi, CANDIDATES)
-        second = first + apart_mm[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        pairs.append(np.stack([first, second], axis=1)[space.contains(*second.T)][:states])
-    places = np.concatenate(pairs)
-    alone = np.full((len(places), 1, 2), np.nan)
-    alone = np.concatenate([space.spread(rng.uniform(size=(len(places), 2)))[:, None], alone], axis=1)
-    places = np.concatenate([places, alone])
+def drawn_touches(draft: Draft, singles: int, pairs: int, rng: np.random.Generator) -> FloatArray:
+    """Random single touches, then pairs of these, at most `pairs` in each row of the table (n, 2, 3) [mm]."""
+    places = draft.workspace.spread(rng.uniform(size=(singles, 2)))
     contact, most_mm = contact_of(draft.design), draft.design.operating.max_depth_mm
-    depth_mm = np.full(places.shape[:2], np.nan)
-    for at in np.argwhere(np.isfinite(places[..., 0])):
-        x, y = places[tuple(at)]
-        depth_mm[tuple(at)] = rng.uniform(LEAST_MM, min(most_mm, deepest_mm(contact, (x, y))))
-    return np.concatenate([places, depth_mm[..., None]], axis=2)
+    deepest = [min(most_mm, deepest_mm(contact, (x, y))) for x, y in places.tolist()]
+    touches = np.column_stack([places, rng.uniform(LEAST_MM, deepest)])
+    first, second = np.triu_indices(singles, 1)
+    apart = np.hypot(*(places[first] - places[second]).T) / draft.design.indenter.tip_radius_mm
+    chosen = [
+        rng.permutation(np.flatnonzero((apart >= low) & (apart < high)))[:pairs]
+        for low, high in pairwise(ROWS_RADII)
+    ]
+    both = np.stack([touches[first], touches[second]], axis=1)[np.concatenate(chosen)]
+    alone = np.stack([touches, np.full_like(touches, np.nan)], axis=1)
+    return np.concatenate([alone, both])
 
 
 def _ratios(draft: Draft, touches_mm: FloatArray, seed: int, on_step: OnStep) -> FloatArray:
     """Light over untouched light (n, pair) of touches (n, 2, 3)."""
     is_touch = touches_mm[..., 2] > 0.0
-    states = np.concatenate([[[*draft.plan.centre_mm, 0.0]], touches_mm[is_touch]])
+    presses, number = np.unique(touches_mm[is_touch], axis=0, return_inverse=True)
     light = trace(
         draft,
-        states,
+        np.concatenate([[[*draft.plan.centre_mm, 0.0]], presses]),
         accuracy="draft",
         seed=seed,
         on_step=lambda done, total: on_step("two touches", 0.2 * done / total),
     )
-    flux = light.flux.reshape(len(states), -1)
+    flux = light.flux.reshape(len(light.flux), -1)
+    ratio = np.where(flux[0] > 0.0, flux[1:] / np.where(flux[0] > 0.0, flux[0], 1.0), 1.0)
     single = np.ones((*is_touch.shape, flux.shape[1]))
-    single[is_touch] = np.where(flux[0] > 0.0, flux[1:] / np.where(flux[0] > 0.0, flux[0], 1.0), 1.0)
+    single[is_touch] = ratio[number.reshape(-1)]
     ratios = single.prod(axis=1)
     both = np.flatnonzero(is_touch.all(axis=1))
     if len(both):
