@@ -221,6 +221,8 @@ def accuracy_lines(found: PredictedAccuracy) -> list[str]:
 def _two_touch_lines(found: TwoTouchErrors) -> Iterator[str]:
     yield f"{found.learner}, two touches: share in which both are found, and errors of these, by distance"
     yield "  apart [mm]     [tip radii]    found   location: median 95 %   depth: median 95 % [mm]   frames"
+    if not found.rows:
+        yield "  no frames of two touches"
     for row in found.rows:
         apart, radii = range_text(row.from_mm, row.to_mm), range_text(*(row.radii(found.radius_mm)))
         sides = [
