@@ -24,6 +24,7 @@ from optopad.sims.learning.traced_map import SignalMap
 from optopad.sims.optics.accuracy import Accuracy
 from optopad.sims.optics.engine.threads import run_each
 from optopad.sims.press import GridTop
+from optopad.sims.verdict.presses import untouched_flux
 
 WINDOW = 32
 """States whose tops are held in memory together; each has 1 to 3 MB."""
@@ -61,41 +62,48 @@ def touch_ratios(
     found = single.prod(axis=1)
     both = np.flatnonzero(is_touching.all(axis=1))
     if len(both):
-        found[both] += changes_together(draft, presses[both], seed=seed, accuracy=accuracy, on_step=on_step)
+        (more,) = changes_together(
+            draft, known, presses[both], seeds=(seed,), accuracy=accuracy, on_step=on_step
+        )
+        found[both] += more
     return np.asarray(np.maximum(found, 0.0))
 
 
 def changes_together(
     draft: Draft,
+    known: SignalMap,
     presses_mm: FloatArray,
     *,
-    seed: int = 0,
+    seeds: Sequence[int] = (0,),
     accuracy: str | Accuracy = "score",
     on_step: Callable[[int, int], None] | None = None,
 ) -> FloatArray:
-    """What the light of two touches (n, 2, 3) has in addition to the product of both (n, pair), over untouched light.
+    """What the light of two touches (n, 2, 3) has in addition to the product of both, over the map's untouched light.
 
-    Errors are those of `touch_ratios`.
+    Returns
+    -------
+    (seed, n, pair), from one trace for each seed. Errors are those of `touch_ratios`.
     """
     require_traced(draft)
     for tips in presses_mm:
         require_apart(draft, tips)
     single, number = np.unique(presses_mm.reshape(-1, 3), axis=0, return_inverse=True)
     states = [*single[:, None], *presses_mm]
-    light = _grid_light(draft, states, seed=seed, accuracy=accuracy, on_step=on_step)
-    alone = light[: len(single)][np.reshape(number, (-1, MOST_TIPS))]
-    return np.asarray(light[len(single) :] - alone.prod(axis=1))
+    light = _grid_light(draft, states, seeds=seeds, accuracy=accuracy, on_step=on_step)
+    alone = light[:, : len(single)][:, np.reshape(number, (-1, MOST_TIPS))]
+    share = untouched_flux(draft, seed=seeds[0]).ravel() / known.untouched  # below 1 in faint pairs
+    return np.asarray((light[:, len(single) :] - alone.prod(axis=2)) * np.minimum(share, 1.0))
 
 
 def _grid_light(
     draft: Draft,
     states: Sequence[FloatArray],
     *,
-    seed: int,
+    seeds: Sequence[int],
     accuracy: str | Accuracy,
     on_step: Callable[[int, int], None] | None,
 ) -> FloatArray:
-    """Light over untouched light (state, pair) of tips (tip, 3), by the method for grids; 0 for pairs without light."""
+    """Light over untouched light (seed, state, pair) of tips (tip, 3), by the method for grids; 0 without light."""
     contact, parts = contact_of(draft.design), []
     for start in range(0, len(states), WINDOW):
         few = states[start : start + WINDOW]
@@ -104,13 +112,18 @@ def _grid_light(
         def solve(number: int, few: Sequence[FloatArray] = few, tops: list[GridTop | None] = tops) -> None:
             tops[number] = pressed_tips(contact, few[number]).top
 
-        def tell(done: int, _total: int, start: int = start) -> None:
-            if on_step is not None:
-                on_step(start + done, len(states))
-
         run_each(solve, len(few))
-        found = [one for one in tops if one is not None]
-        light = light_of_tops(draft, found, accuracy=accuracy, seed=seed, on_step=tell)
-        whole = np.where(light.untouched > 0.0, light.untouched, np.inf)
-        parts.append((light.flux / whole).reshape(len(few), -1))
-    return np.concatenate(parts)
+        found, each = [one for one in tops if one is not None], []
+        for half, seed in enumerate(seeds):
+
+            def tell(
+                done: int, total: int, start: int = start, count: int = len(few), half: int = half
+            ) -> None:
+                if on_step is not None:
+                    on_step(start + count * (half * total + done) // (total * len(seeds)), len(states))
+
+            light = light_of_tops(draft, found, accuracy=accuracy, seed=seed, on_step=tell)
+            whole = np.where(light.untouched > 0.0, light.untouched, np.inf)
+            each.append((light.flux / whole).reshape(len(few), -1))
+        parts.append(np.stack(each))
+    return np.concatenate(parts, axis=1)

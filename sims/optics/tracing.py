@@ -1,4 +1,8 @@
-"""Trace a design's light under presses. A *state* is the untouched pad or one set of simultaneous presses."""
+"""Trace a design's light under presses. A *state* is the untouched pad or one set of simultaneous presses.
+
+States of one tip each are traced on the curve around its axis. If some state has several tips, all states are traced on
+the tops that the contact model of several tips gives as grids, by the method for grids. So their light is comparable.
+"""
 
 from __future__ import annotations
 
@@ -18,25 +22,33 @@ import numpy as np
 
 from optopad.design.arrays import BoolArray, FloatArray
 from optopad.design.draft import Draft
-from optopad.design.errors import InputError
+from optopad.design.errors import InputError, ModelScopeError
 from optopad.design.spec import SensorDesign
 from optopad.sims.cache import GatheredLight, folder_fingerprint, light_store
 from optopad.sims.optics.accuracy import LADDER, Accuracy, LightSignals, accuracy_of
 from optopad.sims.optics.engine.general.lower import FormedStack
 from optopad.sims.optics.engine.general.pad import formed_ways
 from optopad.sims.optics.engine.threads import run_each
-from optopad.sims.optics.engine.trace_states import CLASS_NAMES, RawLight, Tops, trace_scene, trace_tops
+from optopad.sims.optics.engine.trace_states import (
+    CLASS_NAMES,
+    GridTops,
+    Inputs,
+    RawLight,
+    Tops,
+    trace_scene,
+    trace_tops,
+)
 from optopad.sims.optics.engine.untouched import untouched_pad
-from optopad.sims.optics.scene.lower import scene_of
+from optopad.sims.optics.scene.lower import block_form, scene_of
 from optopad.sims.optics.scene.optical_scene import OpticalScene, SmoothField, smooth_field, sum_of_fields
 from optopad.sims.optics.scene.symmetry import StateClasses, state_classes
 from optopad.sims.optics.surface.tops import TopStack
-from optopad.sims.press import Indentation
+from optopad.sims.press import GridTop, Indentation
 
 if TYPE_CHECKING:
     from optopad.sims.contact.pad_surface import PadSurface
 
-Profile = Indentation | Sequence[Indentation | Sequence[Indentation | None] | None]
+Profile = Indentation | Sequence[Indentation | None]
 Tips = list[list[Indentation | None]]
 _SMOOTH_PARTS: WeakKeyDictionary[PadSurface, SmoothField] = WeakKeyDictionary()
 """Smooth field (the height in addition to the curve around the tip) of each surface that the contact model still
@@ -67,9 +79,8 @@ def trace(
     draft : the sensor, such as `Pad.of(design)`
     presses : (state, 3) or (state, tip, 3) x, y and depth of each press [mm]. A depth of 0 or less means untouched; in
         (state, tip, 3), NaN stands for an absent tip
-    profile : surface to use unchanged. An indentation is used for all tips and states. A sequence has one entry per
-        state: an indentation for all of its tips, or a sequence with one per tip. If None, the contact model computes
-        the surface at each location
+    profile : surface to use unchanged, of states with one tip: an indentation for all states, or one for each. If None,
+        the contact model computes the surface at each location
     accuracy : name (draft, score, standard, fine or reference), settings, or a required relative error, such as 0.001
     seed : seed of all random offsets; the same seed gives identical results
     pairs : (emitter, receiver) or (state, emitter, receiver) mask of the pairs to trace; the flux of others is 0
@@ -78,18 +89,23 @@ def trace(
 
     Raises
     ------
-    InputError : presses have a wrong shape or are outside the block, or a profile is invalid.
-    ModelScopeError : dimples of tips overlap, or the contact or surface model does not cover a press.
+    InputError : presses have a wrong shape or are outside the block, or a profile is invalid or given for several tips.
+    ModelScopeError : tips overlap, or the contact or surface model does not cover a press.
     """
     tips, scene = _tips(presses), scene_of(draft.design)
     wanted: dict[str, Any] = {"accuracy": accuracy, "seed": seed, "pairs": pairs}
-    if profile is None:
-        classes = _classes(scene, tips)
-        raw = _kept_one_by_one(_tops_of_presses(draft.design, scene, tips, classes), classes, wanted, on_step)
-    else:
+    if profile is not None:
         given = _given_indentations(tips, profile)
         wanted |= {"on_step": on_step, "kept": light_store()}
-        raw = trace_scene(scene, tips[:, :, :2], given, fields=fields, **wanted)
+        raw = trace_scene(scene, tips[:, 0, :2], given, fields=fields, **wanted)
+    else:
+        classes = _classes(scene, tips)
+        if tips.shape[1] == 1:
+            tops = _tops_of_presses(draft.design, scene, tips, classes)
+            raw = _kept_one_by_one(tops, classes, wanted, on_step)
+        else:
+            grids = tops_of_tips(draft, scene, tips[classes.first])
+            raw = trace_tops(grids, classes, **wanted, on_step=on_step, kept=light_store())
     return LightSignals(
         flux=raw.flux.sum(axis=0),
         by_class={name: raw.flux[k] for k, name in enumerate(CLASS_NAMES)},
@@ -218,6 +234,34 @@ def _tops_of_presses(
     return Tops(scene, lambda: (traced[:, :, :2], *_made(design, scene, traced)), source.digest())
 
 
+def tops_of_tips(draft: Draft, scene: OpticalScene, tips: FloatArray) -> GridTops:
+    """Tops under several tips, on grids; `tips` (group, tip, 3) holds the presses of each group."""
+    from optopad.sims.contact.held.tips import pressed_tips, require_apart
+    from optopad.sims.contact.scope import contact_of
+
+    if scene.wall_index is not None:
+        raise ModelScopeError(
+            "presses: light between smooth walls is traced under one tip at a time; press with one, or set "
+            "surfaces.wall_finish = 'diffuse'"
+        )
+    for of_group in tips:
+        require_apart(draft, of_group)
+    ordered = np.array([of_group[np.lexsort(of_group.T)] for of_group in tips])  # their order does not matter
+    contact = contact_of(draft.design)
+    others = f"{_contact_sources()} {draft.design.surface_digest}".encode()
+
+    def made(group: int) -> GridTop | None:
+        return pressed_tips(contact, ordered[group]).top if (ordered[group, :, 2] > 0.0).any() else None
+
+    return GridTops(
+        scene=scene if scene.form is not None else replace(scene, form=block_form(scene)),
+        inputs=Inputs(
+            rows=ordered, field=[np.frombuffer(others, np.uint8).astype(np.float64)] * len(ordered)
+        ),
+        made=made,
+    )
+
+
 @cache
 def _contact_sources() -> str:
     """Fingerprint of all that determines a top besides design and press: source code, data, and solver versions."""
@@ -294,16 +338,13 @@ def _tips(presses: FloatArray) -> FloatArray:
     return rows
 
 
-def _given_indentations(tips: FloatArray, profile: Profile) -> Tips:
-    per_state = [profile] * len(tips) if isinstance(profile, Indentation) else list(profile)
-    if len(per_state) != len(tips):
-        raise InputError(f"profile: {len(per_state)} indentations for {len(tips)} states; give one per state")
-    nested: Tips = []
-    for state, (given, depths) in enumerate(zip(per_state, tips[:, :, 2], strict=True)):
-        each = list(given) if isinstance(given, Sequence) else [given] * len(depths)
-        if len(each) != len(depths):
-            raise InputError(
-                f"profile: {len(each)} indentations for {len(depths)} tips of state {state}; give one per tip"
-            )
-        nested.append([one if depth > 0 else None for one, depth in zip(each, depths, strict=True)])
-    return nested
+def _given_indentations(tips: FloatArray, profile: Profile) -> list[Indentation | None]:
+    if tips.shape[1] > 1:
+        raise InputError(
+            f"profile: given for {tips.shape[1]} tips at once, whose top only the contact model gives; leave the "
+            "profile out, or press with one tip in each state"
+        )
+    given = [profile] * len(tips) if isinstance(profile, Indentation) else list(profile)
+    if len(given) != len(tips):
+        raise InputError(f"profile: {len(given)} indentations for {len(tips)} states; give one per state")
+    return [one if depth > 0 else None for one, depth in zip(given, tips[:, 0, 2], strict=True)]

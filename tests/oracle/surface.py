@@ -39,7 +39,8 @@ K `FINEST_MM`² / 8 deep.
 Light in air also meets the tips. Nothing but the press is known of the tips, so they are taken as solid and endless. A
 hemispherical tip is a half sphere with a cylinder of the same radius above. Any other tip is a cylinder of the contact
 radius that starts at the end of the contact; it hides no more than the tip does. A press without contact has no tip.
-Where other heights raise the top into a tip, light there counts as absorbed by the tip.
+Where other heights raise the top into a tip, light there counts as absorbed by the tip. A top that is given as a whole
+(`level`) has no tips in air: light there passes through them, and all of it counts as `crossing`.
 
 Left out
 --------
@@ -118,6 +119,8 @@ class Surface(NamedTuple):
     nodes : (nx, ny, 4) the field's value [mm], slopes [-] and mixed derivative [1/mm]; (0, 0, 4) without a field
     corner, step : (2,) first node of the field's grid, and distance between its nodes [mm]
     field_bend : bound of the field's second derivative in any direction [1/mm]
+    level : (nx, ny) values at the field's nodes, linear between them; the top is contact where they are above 0. (0, 0)
+        if the tips alone are contact
     """
 
     origin: Vector
@@ -138,6 +141,7 @@ class Surface(NamedTuple):
     corner: tuple[float, float]
     step: tuple[float, float]
     field_bend: float
+    level: FloatArray
 
 
 @njit(forceinline=True)
@@ -494,7 +498,21 @@ def _met(s: Surface, side: float, x: float, y: float, distance: float) -> Meetin
     for k in range(s.tips.shape[0]):
         if math.hypot(x - s.tips[k, X], y - s.tips[k, Y]) < s.tips[k, CONTACT_RADIUS]:
             what = CONTACT
+    if s.level.shape[0] > 0 and _level(s, x, y) > 0.0:
+        what = CONTACT
     return distance, what, -along * size, -across * size, size
+
+
+@njit()
+def _level(s: Surface, x: float, y: float) -> float:
+    """Level of contact at a point, linear between the field's nodes."""
+    u = min(max((x - s.corner[0]) / s.step[0], 0.0), s.level.shape[0] - 1.0)
+    v = min(max((y - s.corner[1]) / s.step[1], 0.0), s.level.shape[1] - 1.0)
+    i, j = min(int(u), s.level.shape[0] - 2), min(int(v), s.level.shape[1] - 2)
+    u, v = u - i, v - j
+    low = (1.0 - v) * s.level[i, j] + v * s.level[i, j + 1]
+    high = (1.0 - v) * s.level[i + 1, j] + v * s.level[i + 1, j + 1]
+    return float((1.0 - u) * low + u * high)
 
 
 @njit()

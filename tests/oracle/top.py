@@ -24,6 +24,11 @@ On a crown, with a field or with several tips, heights are added. The curve beyo
 for other tips, is a monotone cubic (PCHIP) of height over radius through the stored points. Curves with more than one
 height at a radius are refused, except for a shank in the pad: it is made to lean, with the slope `STEEPEST`.
 
+As a grid
+---------
+Under several tips the contact model gives the whole top, as heights at nodes of a grid in press coordinates. Between the
+nodes it is a bicubic spline (SciPy's, not the fast model's), held as a field, with contact where a level is above 0.
+
 This file shares no code with the fast light model on purpose: the two are compared with each other.
 """
 
@@ -36,13 +41,13 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import PchipInterpolator
+from scipy.interpolate import PchipInterpolator, RectBivariateSpline
 
 from optopad.design.arrays import FloatArray
 from optopad.design.errors import InputError, ModelScopeError
 from optopad.design.shape.top import Top
 from optopad.sims.optics.scene.optical_scene import OpticalScene, SmoothField
-from optopad.sims.press import Indentation
+from optopad.sims.press import GridTop, Indentation
 from tests.oracle.scene import outline_mm
 from tests.oracle.surface import (
     BINS,
@@ -53,8 +58,8 @@ from tests.oracle.surface import (
     Surface,
 )
 
-Presses = Indentation | None | Sequence[Indentation | None]
-"""The presses in one state: one press, None for the untouched pad, or one press or None for each tip."""
+Presses = Indentation | GridTop | None | Sequence[Indentation | None]
+"""The presses in one state: one press, None for the untouched pad, one press or None for each tip, or the whole top."""
 Tip = tuple[FloatArray, Indentation]
 """Centre (2,) [mm] and press of a tip that touches the pad."""
 
@@ -98,6 +103,9 @@ def lower_presses(
         top, outline = scene.form.top, outline_mm(scene.form)
     tops = []
     for state, presses in enumerate(indentations):
+        if isinstance(presses, GridTop):
+            tops.append(lower_grid(top, presses, f"indentations[{state}]", outline))
+            continue
         tips = _pressing_tips(centres[state].reshape(-1, 2), presses)
         field = None if fields is None else fields[state]
         tops.append(lower_top(top, tips, field, f"indentations[{state}]", outline))
@@ -119,20 +127,23 @@ def lower_top(
     field: SmoothField | None = None,
     where: str = "indentations",
     outline: FloatArray | None = None,
+    frame: tuple[FloatArray, FloatArray] | None = None,
 ) -> Surface:
     """Convert an untouched top, the tips that press on it and a field to numbers.
 
     where : name of the presses for error messages
     outline : (n, 2) outline of the pad in plan [mm], needed under a crown
+    frame : origin and axes of press coordinates, for a field without a tip; None for those of the tip or the cavity
 
     Raises
     ------
     InputError, ModelScopeError : as for `lower_presses`.
     """
     is_sum = not top.is_flat or field is not None or len(tips) > 1
-    _check_together(top, tips, field, where)
-    origin, axes = np.array([0.0, 0.0, top.clear_mm]), np.eye(3)
-    if not (top.is_flat and is_sum):  # in the coordinates of the one press
+    origin, axes = frame or (np.array([0.0, 0.0, top.clear_mm]), np.eye(3))
+    if frame is None:
+        _check_together(top, tips, field, where)
+    if frame is None and not (top.is_flat and is_sum):  # in the coordinates of the one press
         x, y = tips[0][0] if tips else top.apex_mm
         origin, axes = top.press_frame(float(x), float(y))
         tips = [(np.zeros(2), press) for _, press in tips]
@@ -165,7 +176,23 @@ def lower_top(
         corner=(float(corner[0]), float(corner[1])),
         step=(float(step[0]), float(step[1])),
         field_bend=field_bend,
+        level=np.empty((0, 0)),
     )
+
+
+def lower_grid(top: Top, press: GridTop, where: str, outline: FloatArray | None) -> Surface:
+    """Convert a top that is given as a grid to numbers; parameters and errors are those of `lower_top`."""
+    origin, axes = top.press_frame(*press.at_mm)
+    bare = lower_top(top, [], _spline_field(press), where, outline, (origin, axes))
+    return bare._replace(level=np.ascontiguousarray(press.level, dtype=np.float64))
+
+
+def _spline_field(press: GridTop) -> SmoothField:
+    x, y = press.x_mm, press.y_mm
+    spline = RectBivariateSpline(x, y, press.height_mm)
+    nodes = np.stack([spline(x, y, dx, dy) for dx, dy in ((0, 0), (1, 0), (0, 1), (1, 1))], axis=-1)
+    steps = np.array([np.ptp(one) / (len(one) - 1) for one in (x, y)])
+    return SmoothField(origin_mm=np.array([x[0], y[0]]), step_mm=steps, nodes=nodes)
 
 
 def _check_together(top: Top, tips: Sequence[Tip], field: SmoothField | None, where: str) -> None:

@@ -54,6 +54,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -82,7 +83,8 @@ __all__ = ["ACCURACIES", "CLASS_NAMES", "Accuracy", "RawLight", "trace_scene"]
 
 CLASS_NAMES = ("direct", "top", "skirt", "wall", "diffuse")
 States = Sequence[Indentation | GridTop | Sequence[Indentation | None] | None]
-BATCH_STATES = 32
+BATCH_STATES, BATCH_GRIDS = 32, 8
+"""Number of states that are traced together, and whose rows are then stored; and of those on grids of `GridTops`."""
 OF_CLASSES = slice(0, len(CLASS_NAMES))
 ERROR, SCALE, CHANGE_ERROR = range(len(CLASS_NAMES), len(CLASS_NAMES) + 3)
 ROW = len(CLASS_NAMES) + 3
@@ -184,9 +186,71 @@ class Tops:
         check_formed(self.scene, indentations, fields)
         return stack_formed(self.scene, centres, indentations)
 
+    def some(self, groups: IntArray) -> tuple[TopStack | FormedStack, IntArray]:
+        """Arrays with the tops of some groups, and the numbers of these groups there."""
+        return self.stack, groups
+
+    def names(
+        self, groups: IntArray, asked: BoolArray, settings: Accuracy, seed: int, kept: KeptRows
+    ) -> list[list[bytes]]:
+        """Names of rows by group and emitter: from the store if they are there, else computed from the tops."""
+        if self.source is None:
+            return row_names(self.scene, self.stack, groups, asked, settings, seed)
+        name = name_of_names(self.source + groups.tobytes(), asked, settings, seed)
+        names = names_of(kept.read([name]).get(name), *asked.shape[:2])
+        if names is None:
+            names = row_names(self.scene, self.stack, groups, asked, settings, seed)
+            kept.write({name: b"".join(b"".join(of_state) for of_state in names)})
+        return names
+
+
+class Inputs(NamedTuple):
+    """What determines the tops of groups of states; it names their light in place of the tops.
+
+    Attributes
+    ----------
+    rows : (group, tip, 3) x, y, depth of each tip [mm]
+    field : for each group, bytes that identify all other inputs
+    """
+
+    rows: FloatArray
+    field: Sequence[FloatArray]
+
+
+@dataclass(frozen=True, kw_only=True)
+class GridTops:
+    """Tops of groups of equal states on grids. They take much memory, so each is made only for its trace.
+
+    Attributes
+    ----------
+    scene : the scene of the tops
+    inputs : what determines each top; the same values give the same top
+    made : function that returns the top of the group with a given number; None if untouched. Threads call it
+    """
+
+    scene: OpticalScene
+    inputs: Inputs
+    made: Callable[[int], GridTop | None]
+
+    def some(self, groups: IntArray) -> tuple[FormedStack, IntArray]:
+        """Arrays with the tops of some groups, newly made, and the numbers of these groups there."""
+        found: list[GridTop | None] = [None] * len(groups)
+
+        def make(number: int) -> None:
+            found[number] = self.made(int(groups[number]))
+
+        run_each(make, len(groups))
+        return stack_formed(self.scene, np.zeros((len(groups), 2)), found), np.arange(len(groups))
+
+    def names(
+        self, groups: IntArray, asked: BoolArray, settings: Accuracy, seed: int, _kept: KeptRows
+    ) -> list[list[bytes]]:
+        """Names of rows by group and emitter."""
+        return row_names(self.scene, self.inputs, groups, asked, settings, seed)
+
 
 def trace_tops(
-    tops: Tops,
+    tops: Tops | GridTops,
     classes: StateClasses,
     *,
     accuracy: str | float | Accuracy = "standard",
@@ -200,7 +264,7 @@ def trace_tops(
     check_scene(scene)
     states = len(classes.member)
     wanted = wanted_pairs(pairs, states, len(scene.emitter_wall), len(scene.receiver_wall))
-    if kept is None or tops.source is None:
+    if isinstance(tops, Tops) and (kept is None or tops.source is None):
         tops.stack  # noqa: B018 (refuses tops that cannot be lowered, before any light)
     asked = _class_pairs(wanted, classes)
     if isinstance(accuracy, (str, Accuracy)):
@@ -248,7 +312,7 @@ class _Work:
     settings, seed : accuracy and seed
     """
 
-    tops: Tops
+    tops: Tops | GridTops
     states: IntArray
     asked: BoolArray
     settings: Accuracy
@@ -265,12 +329,13 @@ def _rows_of(work: _Work, kept: KeptRows | None, on_done: Callable[[int], None])
     missing = np.asarray(work.asked.any(axis=2))
     names: list[list[bytes]] = []
     if kept is not None:
-        names = _names(work, kept)
+        names = work.tops.names(work.states, work.asked, work.settings, work.seed, kept)
         missing &= ~_read(rows, missing, names, kept)
     todo = np.flatnonzero(missing.any(axis=1))
     on_done(len(todo))
-    for start in range(0, len(todo), BATCH_STATES):
-        part = todo[start : start + BATCH_STATES]
+    batch = BATCH_GRIDS if isinstance(work.tops, GridTops) else BATCH_STATES
+    for start in range(0, len(todo), batch):
+        part = todo[start : start + batch]
         traced = _traced_rows(work, part, work.asked[part] & missing[part][:, :, None])
         at, emitters = np.nonzero(missing[part])
         rows[part[at], emitters] = traced[at, emitters]
@@ -278,19 +343,6 @@ def _rows_of(work: _Work, kept: KeptRows | None, on_done: Callable[[int], None])
             kept.write({names[k][i]: content_of(rows[k, i]) for k, i in zip(part[at], emitters, strict=True)})
         on_done(len(todo) - start - len(part))
     return rows
-
-
-def _names(work: _Work, kept: KeptRows) -> list[list[bytes]]:
-    """Row names by state and emitter, from the store if they are there, else computed from the tops."""
-    source = work.tops.source
-    if source is None:
-        return row_names(work.tops.scene, work.tops.stack, work.states, work.asked, work.settings, work.seed)
-    name = name_of_names(source + work.states.tobytes(), work.asked, work.settings, work.seed)
-    names = names_of(kept.read([name]).get(name), *work.asked.shape[:2])
-    if names is None:
-        names = row_names(work.tops.scene, work.tops.stack, work.states, work.asked, work.settings, work.seed)
-        kept.write({name: b"".join(b"".join(of_state) for of_state in names)})
-    return names
 
 
 def _read(rows: FloatArray, wanted: BoolArray, names: list[list[bytes]], kept: KeptRows) -> BoolArray:
@@ -308,15 +360,15 @@ def _read(rows: FloatArray, wanted: BoolArray, names: list[list[bytes]], kept: K
 def _traced_rows(work: _Work, part: IntArray, wanted: BoolArray) -> FloatArray:
     """(n, emitter, line, receiver) rows of light of some states, newly traced."""
     rows = np.empty((*wanted.shape[:2], ROW, wanted.shape[2]))
-    scene, stack = work.tops.scene, work.tops.stack
+    scene, (stack, states) = work.tops.scene, work.tops.some(work.states[part])
     if isinstance(stack, FormedStack):
-        light = trace_formed(scene, stack, work.states[part], work.settings, work.seed, wanted)
+        light = trace_formed(scene, stack, states, work.settings, work.seed, wanted)
         rows[:, :, OF_CLASSES] = light.flux.transpose(0, 2, 1, 3)
         rows[:, :, ERROR], rows[:, :, SCALE] = light.standard_error, light.scale
         rows[:, :, CHANGE_ERROR] = light.change_error
         return rows
     fixed = untouched_pad(scene, work.settings, work.seed)
-    values, once = _trace_batch(wanted, stack, work.states[part], fixed, work.settings)
+    values, once = _trace_batch(wanted, stack, states, fixed, work.settings)
     flux = values.mean(axis=1)
     rows[:, :, OF_CLASSES] = flux.transpose(0, 2, 1, 3)
     rows[:, :, ERROR] = standard_error(values, once, fixed, work.settings)

@@ -20,7 +20,6 @@ from optopad.sims.optics.surface.tops import stack_tops
 from optopad.sims.optics.tracing import trace
 from optopad.sims.press import Indentation
 from tests.oracle.oracle_scenes import dimple, ring_scene, scene_of, shank_press
-from tests.oracle.pressed import pressed_tops
 from tests.oracle.tracer import trace_oracle
 from tests.sims.optics.engine.called_kernels import height
 from tests.sims.optics.surface.analytic import compact_dimple
@@ -226,33 +225,9 @@ def test_one_tip_a_state_is_asked_for_as_such_wherever_it_stands(asked):
     presses = np.array([[NONE, [9.0, 8.0, 1.0]], [[5.0, 5.0, 1.0], NONE], [NONE, NONE]])
     light = tracing.trace(Pad.of(PAD), presses, DIMPLE)
     centres, indentations = asked[0]
-    assert centres.tolist() == [[[9.0, 8.0]], [[5.0, 5.0]], [[0.0, 0.0]]]
-    assert indentations == [[DIMPLE], [DIMPLE], [None]]
+    assert centres.tolist() == [[9.0, 8.0], [5.0, 5.0], [0.0, 0.0]]
+    assert indentations == [DIMPLE, DIMPLE, None]
     assert light.presses.tolist() == [[9.0, 8.0, 1.0], [5.0, 5.0, 1.0], [0.0, 0.0, 0.0]]
-
-
-def test_several_tips_are_asked_for_per_state(asked):
-    presses = np.array([[[9.0, 8.0, 1.0], [20.0, 21.0, 1.0]], [NONE, [5.0, 5.0, 1.0]]])
-    light = tracing.trace(Pad.of(PAD), presses, DIMPLE)
-    centres, indentations = asked[0]
-    assert centres.tolist() == [[[9.0, 8.0], [20.0, 21.0]], [[0.0, 0.0], [5.0, 5.0]]]
-    assert indentations == [[DIMPLE, DIMPLE], [None, DIMPLE]]
-    assert light.presses.shape == (2, 2, 3)
-    assert np.isfinite(light.presses).all()
-
-
-def test_a_state_gives_one_indentation_for_all_or_one_per_tip(asked):
-    other = compact_dimple(0.5)
-    presses = np.array([[[9.0, 8.0, 1.0], [20.0, 21.0, 1.0]]] * 2)
-    tracing.trace(Pad.of(PAD), presses, [DIMPLE, [other, DIMPLE]])
-    assert asked[0][1] == [[DIMPLE, DIMPLE], [other, DIMPLE]]
-    with pytest.raises(InputError, match="1 indentations for 2 tips of state 1"):
-        tracing.trace(Pad.of(PAD), presses, [DIMPLE, [other]])
-
-
-def test_tips_of_the_contact_model_are_those_of_their_depths():
-    ((first, second),) = pressed_tops(PAD, np.array([[[9.0, 8.0, 1.0], [20.0, 21.0, 0.5]]])).near
-    assert (first.depth_mm, second.depth_mm) == (1.0, 0.5)
 
 
 def test_a_tip_that_is_not_finite_is_refused_by_its_state(asked):

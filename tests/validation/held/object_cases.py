@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import ClassVar
 
+from optopad.design.arrays import FloatArray
 from tests.validation.contact.contact_reference import POISSON_RATIO
 from tests.validation.held.object_press import AxisGrading, ObjectPress, ObjectState
 from tests.validation.held.rounded_objects import LyingCylinder, RigidObject, RoundedBox
@@ -31,31 +33,36 @@ class ObjectCase:
     unit_mm: float = 1.0
     coarser: tuple[float, ...] = (1.45, 1.1, 0.85)
     penalty: float = 30.0
+    names: ClassVar = tuple(ObjectPress.ways)
 
     def presses(self) -> list[ObjectPress]:
         """The untouched pad on meshes from coarse to fine."""
-        axes = list(zip((*self.grading, DOWN), PAD_MM, strict=True))
-        return [
-            ObjectPress(
-                self.thing,
-                tuple(axis.ticks(length, coarser) for axis, length in axes),
-                POISSON_RATIO,
-                self.penalty,
-            )
-            for coarser in self.coarser
-        ]
+        return [self.press(coarser) for coarser in self.coarser]
+
+    def press(self, coarser: float) -> ObjectPress:
+        """The untouched pad on one mesh."""
+        return ObjectPress(self.thing, self.ticks(coarser), POISSON_RATIO, self.penalty)
+
+    def ticks(self, coarser: float) -> tuple[FloatArray, ...]:
+        """The mesh along x, along y and down."""
+        axes = zip((*self.grading, DOWN), PAD_MM, strict=True)
+        return tuple(axis.ticks(length, coarser) for axis, length in axes)
 
     def kept(self, depth_mm: float, half: ObjectState, state: ObjectState) -> Iterator[Row]:
         """Quantities on the finer mesh, and how far the coarser one is off."""
         yield Row.of(depth_mm, "force/E [mm2]", state.force, half.force)
         yield Row.of(depth_mm, "contact area from above [mm2]", state.area, half.area)
-        for axis, name in enumerate("xy"):
-            edge = state.edge[axis]
-            yield Row.of(depth_mm, f"contact half width along {name} [mm]", edge, half.edge[axis])
-            places = {f"edge + {beside:g}": edge + beside for beside in BESIDE_MM}
-            for place, at_mm in (places | {f"{far:g}": far for far in FAR_MM}).items():
-                heights = (one.height(axis, at_mm) for one in (state, half))
+        for way, name in enumerate(self.names):
+            edge = state.edge[way]
+            yield Row.of(depth_mm, f"contact half width along {name} [mm]", edge, half.edge[way])
+            for place, at_mm in self.places_mm(name, edge).items():
+                heights = (one.height(way, at_mm) for one in (state, half))
                 yield Row.of(depth_mm, f"height at {name} = {place} mm [mm]", *heights)
+
+    def places_mm(self, name: str, edge_mm: float) -> dict[str, float]:
+        """Places along a way at which heights are kept, by name."""
+        beside = {f"edge + {beside:g}": edge_mm + beside for beside in BESIDE_MM}
+        return beside | {f"{far:g}": far for far in FAR_MM}
 
 
 def _even(size_mm: float, fine_mm: float, focus_mm: float = 0.0) -> AxisGrading:

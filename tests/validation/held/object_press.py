@@ -1,6 +1,7 @@
 """A rigid object pressed into a rectangular pad bonded at its floor and walls: a quarter, in three dimensions.
 
-The planes x = 0 and y = 0 through the middle of the pad and of the object are planes of symmetry. Solid, contact and
+The planes x = 0 and y = 0 through the middle of the pad and of the object are planes of symmetry (`tips_truth` has
+others). Solid, contact and
 continuation are those of the block under a tip (`block_oracle`); the mesh is fine where the object's edges press.
 
 Lengths in mm, stresses in E, forces in E mm².
@@ -8,7 +9,9 @@ Lengths in mm, stresses in E, forces in E mm².
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import permutations
 
 import numpy as np
 from skfem import MeshHex
@@ -70,20 +73,20 @@ class ObjectState:
     force, reaction : along z, of the contact and of the bonded faces; of the whole pad
     area : of the contact, seen from above
     penetration : largest
-    along : of x and y: (2, point) distance from the middle and height of the deformed top along this axis
-    edge : of x and y: where the top leaves the object along this axis
+    along : of each way (`ObjectPress.ways`): (2, point) distance from the object's axis and height of the deformed top
+    edge : of each way: where the top leaves the object
     """
 
     force: float
     reaction: float
     area: float
     penetration: float
-    along: tuple[FloatArray, FloatArray]
-    edge: tuple[float, float]
+    along: tuple[FloatArray, ...]
+    edge: tuple[float, ...]
 
-    def height(self, axis: int, place: float) -> float:
-        """Of the top at a place along an axis, beyond the contact."""
-        return float(np.interp(place, *self.along[axis]))
+    def height(self, way: int, place: float) -> float:
+        """Of the top at a place along a way, beyond the contact."""
+        return float(np.interp(place, *self.along[way]))
 
 
 class ObjectPress(BlockPress):
@@ -92,16 +95,31 @@ class ObjectPress(BlockPress):
     largest_step = 0.25
     """Largest depth step [mm]."""
     copies = 4
+    ways: Mapping[str, tuple[int, int]] = {"x": (0, 1), "y": (1, 1)}
+    """Lines over the top from the object's axis: axis and sign."""
 
     def __init__(
-        self, thing: RigidObject, ticks: tuple[FloatArray, ...], poisson_ratio: float, penalty: float
+        self,
+        thing: RigidObject,
+        ticks: tuple[FloatArray, ...],
+        poisson_ratio: float,
+        penalty: float,
+        mirrors: tuple[int, ...] = (0, 1),
     ) -> None:
+        """A pad from the first to the last tick, which has its planes of symmetry at the first one of some axes."""
         self.thing, self.penalty = thing, penalty
         solid = Solid(MeshHex.init_tensor(ticks[0], ticks[1], -ticks[2][::-1]), poisson_ratio, Spatial())
         x, y, z = solid.nodes
-        far = [axis[-1] - 1e-9 for axis in ticks]
-        held = np.flatnonzero((x > far[0]) | (y > far[1]) | (z < -far[2]))
-        mirrored = [3 * np.flatnonzero(solid.nodes[axis] < 1e-9) + axis for axis in (0, 1)]
+        near, far = ([axis[end] for axis in ticks] for end in (0, -1))
+        is_held = (x > far[0] - 1e-9) | (y > far[1] - 1e-9) | (z < 1e-9 - far[2])
+        mirrored = []
+        for axis in (0, 1):
+            is_near = solid.nodes[axis] < near[axis] + 1e-9
+            if axis in mirrors:
+                mirrored.append(3 * np.flatnonzero(is_near) + axis)
+            else:
+                is_held |= is_near
+        held = np.flatnonzero(is_held)
         self.top_nodes = np.flatnonzero(np.abs(z) < 1e-9)
         fixed = np.concatenate([(3 * held[:, None] + np.arange(3)).ravel(), *mirrored])
         Continuation.__init__(self, solid, _top_of(solid, REACH_MM), fixed, 3 * held + 2)
@@ -140,27 +158,37 @@ class ObjectPress(BlockPress):
         read = self.read()
         traction, _, _ = self.traction()
         touched = self._flat_area()[traction > 0.0]
-        along = self._line(read.top, 0), self._line(read.top, 1)
+        along = tuple(self._line(read.top, *way) for way in self.ways.values())
         return ObjectState(
             force=read.force,
             reaction=read.reaction,
             area=float(self.copies * touched.sum()),
             penetration=read.penetration,
             along=along,
-            edge=(self._edge(along[0], 0), self._edge(along[1], 1)),
+            edge=tuple(self._edge(*one) for one in zip(along, self.ways.values(), strict=True)),
         )
 
-    def _line(self, top: FloatArray, axis: int) -> FloatArray:
-        """(2, point) the deformed top along x or y, from the middle to the wall."""
+    def _line(self, top: FloatArray, axis: int, sign: int) -> FloatArray:
+        """(2, point) the deformed top along a way, from the object's axis to the wall or the plane of symmetry."""
         rest = self.solid.nodes[:, self.top_nodes]
-        on = np.flatnonzero(rest[1 - axis] < 1e-9)
-        on = on[np.argsort(rest[axis, on])]
-        return np.stack(sampled_curve(top[on][:, [axis, 2]], 16))
+        ticks = np.unique(np.round(rest[1 - axis], 9))
+        across = ticks[np.argsort(np.abs(ticks))[: 1 if ticks[0] == 0.0 else 3]]
+        found = []
+        for tick in across:  # with an object beside, the nodes over the way have moved off it
+            on = np.flatnonzero((np.abs(rest[1 - axis] - tick) < 1e-9) & (sign * rest[axis] > -1e-9))
+            found.append(top[on[np.argsort(sign * rest[axis, on])]])
+        lines = np.stack(found)
+        weight = np.ones(lines.shape[:2])
+        for one, other in permutations(range(len(across)), 2):
+            away = lines[other, :, 1 - axis]
+            weight[one] *= away / (away - lines[one, :, 1 - axis])
+        line = (weight[..., None] * lines[..., [axis, 2]]).sum(axis=0)
+        return np.stack(sampled_curve(line * (sign, 1.0), 16))
 
-    def _edge(self, line: FloatArray, axis: int) -> float:
+    def _edge(self, line: FloatArray, way: tuple[int, int]) -> float:
         """Where such a line leaves the object."""
         points = np.zeros((line.shape[1], 3))
-        points[:, [axis, 2]] = line.T
+        points[:, [way[0], 2]] = line.T * (way[1], 1.0)
         gap = self.gap(self.depth)(points)[0]
         return leaving_edge(*line, gap, WINDOW_MM, TOUCHING_MM)[0]
 

@@ -14,8 +14,9 @@ large, about as much as is left.
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import pairwise
+from pathlib import Path
 from time import perf_counter
 
 from tests.validation.elements.newton import OracleError
@@ -39,17 +40,19 @@ def solved_presses(case: PlaneCase | ObjectCase) -> Iterator[list[Row]]:
         yield list(case.kept(depth_mm, *(press.state_now() for press in presses[-2:])))
 
 
-def renew(begins: list[str]) -> None:
+def renew(
+    begins: list[str], cases: Mapping[str, PlaneCase | ObjectCase] = CASES, stored: Path = STORED
+) -> None:
     """Solve the cases whose names begin so; each press is stored once it is done."""
-    for name, case in CASES.items():
+    for name, case in cases.items():
         if not name.startswith(tuple(begins)):
             continue
         start, rows = perf_counter(), list[Row]()
         for press in solved_presses(case):
             rows += press
             print(f"{perf_counter() - start:6.0f} s  {name}: {press[0]}", flush=True)
-            held = (read_truth() if STORED.exists() else {}) | {name: rows}
-            write_truth({one: held[one] for one in CASES if one in held})
+            held = (read_truth(stored) if stored.exists() else {}) | {name: rows}
+            write_truth({one: held[one] for one in cases if one in held}, stored)
 
 
 if __name__ == "__main__":

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import sys
 import zlib
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -40,10 +41,9 @@ from optopad.sims.optics.scene.optical_scene import (
     refracted_cosine,
     transmitted_share,
 )
-from optopad.sims.optics.surface.tops import Presses
 from tests.oracle.pressed import pressed_tops
+from tests.oracle.top import Presses
 from tests.oracle.tracer import trace_oracle
-from tests.oracle.walk import CROSSING
 
 EPOXY = ", receivers behind epoxy"
 """What comes after a preset's name where its receivers have a half angle of 40 degrees in epoxy of index 1.55."""
@@ -136,30 +136,28 @@ def compared(
     )
 
 
-def oracle_batches(name: str, rays: int, count: int) -> FloatArray:
+def oracle_batches(
+    name: str, scene: OpticalScene, places_mm: FloatArray, tops: Sequence[Presses], rays: int, count: int
+) -> FloatArray:
     """(batch, state, e, r) light of the oracle that never left the elastomer; kept batches are read."""
-    design, scene = pad_of(name)
-    presses = presses_of(design)
-    tops = pressed_tops(design, presses, by_symmetry=False).near
     FOLDER.mkdir(parents=True, exist_ok=True)
-    heights = np.concatenate([np.ravel(one.height_mm) for top in tops for one in top if one is not None])
+    each = [one for top in tops for one in (top if isinstance(top, Sequence) else [top])]
+    heights = np.concatenate([np.ravel(one.height_mm) for one in each if one is not None])
     surfaces, found = f"{zlib.crc32(heights.tobytes()):08x}", []
     for batch in range(count):
-        file = FOLDER / f"{name}-{design.digest[:8]}-{surfaces}-{rays}-{batch}.npy"
+        file = FOLDER / f"{name}-{surfaces}-{rays}-{batch}.npy"
         if not file.exists():
             # each state alone, so that its rays are those of every other state
-            each = [
-                trace_oracle(scene, [place[:2]], [near], rays=rays, seed=batch + 1)
-                .flux[:CROSSING, 0]
-                .sum(axis=0)
-                for place, near in zip(presses, tops, strict=True)
+            lights = [
+                trace_oracle(scene, [place], [top], rays=rays, seed=batch + 1).without_crossing[0]
+                for place, top in zip(places_mm, tops, strict=True)
             ]
-            np.save(file, np.array(each))
+            np.save(file, np.array(lights))
         found.append(np.load(file))
     return np.array(found)
 
 
-def finest_flux(scene: OpticalScene, presses: FloatArray, tops: Presses) -> FloatArray:
+def finest_flux(scene: OpticalScene, presses: FloatArray, tops: Sequence[Presses]) -> FloatArray:
     """(state, e, r) light by the engine as fine as it goes."""
     usual = formed_pad.PART_SHARE, formed_pad.SPHERE_PART_SHARE
     formed_pad.PART_SHARE, formed_pad.SPHERE_PART_SHARE = FINER_PARTS, FINER_PARTS
@@ -175,8 +173,8 @@ def table(names: tuple[str, ...] = PADS, rays: int = RAYS, count: int = BATCHES)
     for name in names:
         design, scene = pad_of(name)
         presses = presses_of(design)
-        batches = oracle_batches(name, rays, count)
         tops = pressed_tops(design, presses, by_symmetry=False).near
+        batches = oracle_batches(f"{name}-{design.digest[:8]}", scene, presses[:, :2], tops, rays, count)
         finest = finest_flux(scene, presses, tops)
         for title, settings in SETTINGS.items():
             light = trace_scene(scene, presses[:, :2], tops, accuracy=settings)
