@@ -19,7 +19,6 @@ from matplotlib.figure import Figure
 
 from optopad.design.arrays import FloatArray, IntArray
 from optopad.design.draft import Draft
-from optopad.design.io import write_text_atomically
 from optopad.design.preset import preset
 from optopad.fabrication.driver import Sensor
 from optopad.fabrication.driver.simulated.board import FakeBoard
@@ -32,7 +31,7 @@ from optopad.sensor import simulated_gain
 from optopad.sims.learning.inference.signal_map import SignalMapModel
 from optopad.sims.learning.together_fit import fit_together
 from optopad.sims.learning.traced_map import SignalMap, measured_error, traced_map
-from optopad.sims.plots.style import BLUE, GREEN, GREY, INK, PALE_ORANGE, VERMILLION, plain_style, svg_text
+from optopad.sims.plots.style import BLUE, GREEN, GREY, INK, PALE_ORANGE, VERMILLION
 from tests.validation.driver.slip_frames import (
     FINE_DEPTHS,
     FINE_PITCH_MM,
@@ -129,7 +128,9 @@ def crossing(nearest_mm: float = NEAREST_MM, depth_mm: float = DEPTH_MM) -> Fing
 def tracked(touches: list[Touch]) -> tuple[FloatArray, IntArray, FloatArray]:
     """Time [s], number and x, y, depth [mm] of every contact."""
     rows = [
-        (touch.frame.device_us / 1e6, one.number, *one.press_mm) for touch in touches for one in touch.contacts
+        (touch.frame.device_us / 1e6, one.number, *one.press_mm)
+        for touch in touches
+        for one in touch.contacts
     ]
     table = np.array(rows).reshape(-1, 5)
     return table[:, 0], table[:, 1].astype(np.int64), table[:, 2:]
@@ -145,7 +146,9 @@ def plot_places(path: FingerPath, touches: list[Touch], two_point_mm: float, ax:
         ax.plot(*place[mine, :2].T, ".", ms=3.5, color=COLOURS.get(int(one), GREY), label=f"touch {one}")
     low = MIDDLE_MM - two_point_mm / 2
     ax.errorbar(MIDDLE_MM, MIDDLE_MM, two_point_mm / 2, color=GREEN, capsize=4, lw=1.2)
-    ax.text(MIDDLE_MM + 0.4, low + 0.25 * two_point_mm, f"two-point limit\n{two_point_mm:.1f} mm", color=GREEN)
+    ax.text(
+        MIDDLE_MM + 0.4, low + 0.25 * two_point_mm, f"two-point limit\n{two_point_mm:.1f} mm", color=GREEN
+    )
     ax.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal", ylim=(MIDDLE_MM - 6.0, MIDDLE_MM + 6.0))
     ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncol=3)
 
@@ -157,7 +160,9 @@ def plot_distance(path: FingerPath, touches: list[Touch], two_point_mm: float, a
     both = (tips[..., 2] > 0.0).all(axis=1)
     ax.plot(time_s[both], np.linalg.norm(tips[both, 0, :2] - tips[both, 1, :2], axis=1), color=INK, lw=0.8)
     two = [(t, touch) for t, touch in zip(time_s, touches, strict=True) if len(touch.contacts) == 2]
-    apart = [np.linalg.norm(np.diff([one.press_mm[:2] for one in touch.contacts], axis=0)) for _, touch in two]
+    apart = [
+        np.linalg.norm(np.diff([one.press_mm[:2] for one in touch.contacts], axis=0)) for _, touch in two
+    ]
     ax.plot([t for t, _ in two], apart, ".", ms=3.0, color=BLUE)
     for t, touch in zip(time_s, touches, strict=True):
         if len(touch.contacts) == 1:
