@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -49,6 +50,29 @@ def touch_sentences(found: dict[str, Any]) -> list[tuple[str, str]]:
             )
         )
     return sentences
+
+
+def depth_rows(found: dict[str, Any]) -> list[tuple[str, ...]]:
+    """For each depth: least separation, states that are never resolved, distance and bounds, for the report's table."""
+    least, distance, location, deep = (
+        numbers(found, name) for name in ("least_mm", "distance", "location_mm", "bound_depth_mm")
+    )
+    return [
+        (
+            f"{depth:.2g}",
+            _with_worst(least[..., k], np.max),
+            f"{np.isinf(least[..., k]).sum()} of {has_room(found)[..., k].sum()}",
+            _with_worst(distance[..., k], np.min),
+            _with_worst(location[..., k], np.max),
+            _with_worst(deep[..., k], np.max),
+        )
+        for k, depth in enumerate(found["depth_mm"])
+    ]
+
+
+def _with_worst(values: FloatArray, worst: Callable[[FloatArray], float]) -> str:
+    known = values[np.isfinite(values)]
+    return f"{np.median(known):.2g} ({worst(known):.2g})" if known.size else "-"
 
 
 def numbers(found: dict[str, Any], name: str) -> FloatArray:
