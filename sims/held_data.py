@@ -7,6 +7,8 @@ A heading, then one press by one object in each row:
     x_mm, y_mm             place of the object's centre in the cavity [mm]
     depth_mm or force_n    how far it moves from first touch [mm], or the force that presses it [N]
     shear_x_mm, shear_y_mm how far it then moves sideways, 0 if left out [mm]
+    x2_mm, y2_mm, depth2_mm place and depth of a second touch by the same ball, which moves with the first [mm]. Rows
+                           that leave all three empty have one touch
     object                 kind, with keys if need be: cylinder, or cylinder;radius=5. Semicolons stand for the commas
                            of `--object`, which would end a cell. An empty cell means the object given for all
     radius, yaw, ...       any key of the objects; lengths may end in _mm and angles in _deg. An empty cell keeps the
@@ -25,6 +27,8 @@ press of the set still has its remainder.
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -33,11 +37,11 @@ from typing import Any, get_args
 import numpy as np
 
 from optopad.design.arrays import FloatArray
-from optopad.design.csv_table import CsvTable, read_csv
+from optopad.design.csv_table import CsvTable, is_number, read_csv
 from optopad.design.draft import Draft
 from optopad.design.errors import InputError, ModelScopeError, shown
 from optopad.design.fields.base import nearest
-from optopad.design.held_object import KINDS, MM_PER, UNITS, HeldObject, held_of, held_with
+from optopad.design.held_object import KINDS, MM_PER, UNITS, HeldObject, Sphere, held_of, held_with
 from optopad.design.press_protocol import MOST_PLACES
 from optopad.design.progress import OnStep
 from optopad.design.recordings import ROLES, SetEntry
@@ -65,7 +69,10 @@ PRESS_S = 5.0
 """Time from one press to the next [s], for the drift within a set; as on a stage."""
 WINDOW = 16
 """Presses whose deformed tops are held in memory at a time; a top has 0.3 to 1 MB."""
-NEEDED = "the columns x_mm, y_mm, and depth_mm or force_n; shear_x_mm, shear_y_mm, object, its keys, role are optional"
+NEEDED = (
+    "the columns x_mm, y_mm, and depth_mm or force_n; x2_mm, y2_mm, depth2_mm, shear_x_mm, shear_y_mm, object, its "
+    "keys, role are optional"
+)
 GIVEN_BY_LIST = ("x", "y", "depth")
 """Keys of an object that a list has columns for."""
 MOST_NOTES = 3
@@ -85,7 +92,8 @@ def _key_columns() -> dict[str, str]:
 
 KEY_COLUMNS = _key_columns()
 SHEAR_COLUMNS = ("shear_x_mm", "shear_y_mm")
-PRESS_COLUMNS = ("x_mm", "y_mm", "depth_mm", "force_n", *SHEAR_COLUMNS, "object", "role")
+SECOND_COLUMNS = ("x2_mm", "y2_mm", "depth2_mm")
+PRESS_COLUMNS = ("x_mm", "y_mm", "depth_mm", "force_n", *SECOND_COLUMNS, *SHEAR_COLUMNS, "object", "role")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,7 +103,7 @@ class ListedPress:
     Attributes
     ----------
     where : file and row, as the start of a message
-    asked : the press, by one object
+    asked : the press, by one object or by two equal balls
     role : train or test
     """
 
@@ -112,6 +120,13 @@ class ListedPress:
     def place_mm(self) -> Place:
         """Where the object is after that."""
         return self.asked.at_mm[0] + self.shear_mm[0], self.asked.at_mm[1] + self.shear_mm[1]
+
+    def touches_mm(self, depth_mm: float) -> FloatArray:
+        """Place after that and depth of each touch (touch, 3) [mm]; `depth_mm` is the solved depth of a single one."""
+        if len(self.asked.held) == 1:
+            return np.array([[*self.place_mm, depth_mm]])
+        given = np.array([[one.x, one.y, one.depth] for one in self.asked.held], dtype=np.float64)
+        return np.asarray(given + np.array([*self.shear_mm, 0.0]))
 
 
 def read_presses(file: Path, default: HeldObject | None = None) -> tuple[ListedPress, ...]:
@@ -157,14 +172,59 @@ def read_presses(file: Path, default: HeldObject | None = None) -> tuple[ListedP
             force_n=amount[row] if is_force else None,
             shear_mm=shears[row] if any(shears[row]) else None,
         )
-        found.append(ListedPress(where=where, asked=asked, role=role))
+        cells = {name: record[name] for name in SECOND_COLUMNS if record.get(name)}
+        found.append(
+            ListedPress(where=where, asked=_of_two(asked, cells, where) if cells else asked, role=role)
+        )
     return tuple(found)
+
+
+def _of_two(asked: AskedPress, cells: dict[str, str], where: str) -> AskedPress:
+    """The press with a second touch, from the cells of its columns."""
+    (held,), (x, y) = asked.held, asked.at_mm
+    missing = [name for name in SECOND_COLUMNS if name not in cells]
+    if missing:
+        raise InputError(
+            f"{where}: has {', '.join(cells)} without {', '.join(missing)}; a second touch has x2_mm, y2_mm and "
+            "depth2_mm, a single one none of them"
+        )
+    if asked.depth_mm is None:
+        raise InputError(
+            f"{where}: depth2_mm does not go with force_n, which does not say how deep each touch is; give depth_mm"
+        )
+    if not isinstance(held, Sphere):
+        raise InputError(
+            f"{where}: x2_mm is a second touch by {held.words}; two touches are those of a ball: object = sphere, or "
+            "drop x2_mm, y2_mm and depth2_mm"
+        )
+    x2, y2, depth2 = (_number(cells[name], name, where) for name in SECOND_COLUMNS)
+    _require_depth(depth2, "depth2_mm", where)
+    apart = float(np.linalg.norm([x2 - x, y2 - y, depth2 - asked.depth_mm]))
+    if apart < 2.0 * held.radius:
+        raise InputError(
+            f"{where}: x2_mm, y2_mm: the balls at ({x:g}, {y:g}) and ({x2:g}, {y2:g}) mm overlap: their centres "
+            f"are {apart:.2f} mm apart, need two radii, {2.0 * held.radius:g} mm; move them apart, or take a smaller "
+            "ball"
+        )
+    both = ({"x": x, "y": y, "depth": asked.depth_mm}, {"x": x2, "y": y2, "depth": depth2})
+    return replace(asked, held=tuple(held.model_copy(update=one) for one in both), depth_mm=None)
+
+
+def _number(text: str, name: str, where: str) -> float:
+    value = float(text) if is_number(text) else math.nan
+    if not math.isfinite(value):
+        raise InputError(f"{where}: {name} is {shown(text)}, needs a finite number; correct or drop the row")
+    return value
 
 
 def _require_columns(table: CsvTable) -> dict[str, str]:
     """Check the columns' names; the keys of objects among them, by column."""
     known = (*PRESS_COLUMNS, *KEY_COLUMNS)
     for name in table.heading:
+        if re.fullmatch(r"(x|y|depth)[3-9]_mm", name):
+            raise InputError(
+                f"{table.file}: has {name}; a row has one touch or two, x2_mm, y2_mm and depth2_mm: leave others out"
+            )
         if name not in known:
             near = nearest(name, known)
             hint = f"did you mean {near[0]}?" if near else f"a list has {NEEDED}"
@@ -187,10 +247,14 @@ def _amounts(table: CsvTable, name: str) -> list[float]:
     """Depths [mm] or forces [N]."""
     found = table.numbers(name)
     for row, value in enumerate(found):
-        if value < 0.0 or (value == 0.0 and name == "force_n"):
-            limit = "above 0" if name == "force_n" else "0 or more: it is measured from first touch down"
-            raise InputError(f"{table.where(row)}: {name} is {value:g}, must be {limit}; correct the row")
+        _require_depth(value, name, table.where(row))
     return found
+
+
+def _require_depth(value: float, name: str, where: str) -> None:
+    if value < 0.0 or (value == 0.0 and name == "force_n"):
+        limit = "above 0" if name == "force_n" else "0 or more: it is measured from first touch down"
+        raise InputError(f"{where}: {name} is {value:g}, must be {limit}; correct the row")
 
 
 def _held(
@@ -257,9 +321,17 @@ def held_data(
             "seed": seed,
         },
     )
+    touches = max(len(one.asked.held) for one in presses)
+    header = replace(header, others_mm=np.zeros((0, touches - 1, 3)))
     texts = [_text(one.asked.held[0]) for one in presses]
     rows = [
-        [text, *one.asked.at_mm, *one.shear_mm, *amounts]
+        [
+            text,
+            *one.asked.at_mm,
+            *one.shear_mm,
+            *amounts,
+            *(ball.line for ball in one.asked.held if ball.depth is not None),
+        ]
         for text, one, amounts in zip(texts, presses, solved, strict=True)
     ]
     is_sideways = any(any(one.shear_mm) for one in presses)
@@ -285,6 +357,7 @@ def held_data(
         "seed": seed,
         "file": str(file),
         "presses": len(presses),
+        **({"two_touches": sum(len(one.asked.held) > 1 for one in presses)} if touches > 1 else {}),
         "objects": list(dict.fromkeys(one.asked.held[0].words for one in presses)),
         "depth_mm": [depth for depth, _ in solved],
         "force_n": [force for _, force in solved],
@@ -359,7 +432,7 @@ def _drawn(
         for (k, sets), touched, depth in zip(window, flux, depths, strict=True):
             role = presses[k].role
             for s in sets:
-                yield of_sets[s].press(k, presses[k].place_mm, depth, untouched, touched, last.get(role))
+                yield of_sets[s].press(k, presses[k].touches_mm(depth), untouched, touched, last.get(role))
             if has_memory:
                 last[role] = Remainder(change=touched - untouched, released_s=PRESS_S * (k + 1))
         on_step("light", (start + len(window)) / len(wanted))
@@ -389,19 +462,23 @@ class _DrawnList:
     def press(
         self,
         k: int,
-        at_mm: tuple[float, float],
-        depth_mm: float,
+        touches_mm: FloatArray,
         untouched: FloatArray,
         touched: FloatArray,
         last: Remainder | None,
     ) -> PressData:
         """Samples of the k-th press of the list, from the flux (emitter, receiver) without and with contact.
 
-        `last` is what the press before it in the set has left; None if nothing.
+        `touches_mm` has x, y, depth of each touch; all are lifted together. `last` is what the press before it in the
+        set has left; None if nothing.
         """
         errors = drawn_press(self.chain.noise, self.offset_mm, self._rng(PRESS, k))
         frames = len(APPROACH_MM) + TOUCHED
-        true = np.array([(*at_mm, depth) for depth in (*APPROACH_MM, *[depth_mm] * TOUCHED)])
+        true = np.repeat(touches_mm[:, np.newaxis], frames, axis=1)
+        true[:, : len(APPROACH_MM), 2] = APPROACH_MM
+        reported = true - [*errors.place_error_mm, errors.zero_offset_mm]
+        others = np.full((frames, self.header.others_mm.shape[1], 3), np.nan)
+        others[:, : len(true) - 1] = np.swapaxes(reported[1:], 0, 1)
         time_s = PRESS_S * (k + np.arange(1, frames + 1) / (frames + 1))
         flux = np.stack([untouched] * len(APPROACH_MM) + [touched] * TOUCHED)
         if last is not None:
@@ -409,11 +486,12 @@ class _DrawnList:
         return replace(
             self.header,
             counts=self.chain.counts(flux, time_s, self._rng(FRAME, k), drawn=self.drawn),
-            press_mm=true - [*errors.place_error_mm, errors.zero_offset_mm],
+            press_mm=reported[0],
+            others_mm=others,
             time_s=time_s,
             set_number=np.full(frames, self.number, dtype=np.int64),
             place_number=np.full(frames, k, dtype=np.int64),
-            true_press_mm=true,
+            true_press_mm=true[0],
         )
 
     def _rng(self, purpose: int, k: int = 0) -> np.random.Generator:
@@ -422,7 +500,7 @@ class _DrawnList:
 
 def _text(held: HeldObject) -> str:
     """An object as `--object` takes it, with all of its keys."""
-    values = held.model_dump(exclude_none=True, exclude={"kind"})
+    values = held.model_dump(exclude_none=True, exclude={"kind", *GIVEN_BY_LIST})
     said = [
         f"{key}={value:.9g}" if isinstance(value, float) else f"{key}={value}"
         for key, value in values.items()

@@ -57,7 +57,12 @@ def touch_ratios(
     both = np.flatnonzero(is_touching.all(axis=1))
     if len(both):
         (more,) = changes_together(
-            draft, known, presses[both], seeds=(seed,), accuracy=accuracy, on_step=on_step
+            draft,
+            presses[both],
+            untouched=known.untouched,
+            seeds=(seed,),
+            accuracy=accuracy,
+            on_step=on_step,
         )
         found[both] += more
     return np.asarray(np.maximum(found, 0.0))
@@ -65,14 +70,18 @@ def touch_ratios(
 
 def changes_together(
     draft: Draft,
-    known: SignalMap,
     presses_mm: FloatArray,
     *,
+    untouched: FloatArray | None = None,
     seeds: Sequence[int] = (0,),
     accuracy: str | Accuracy = "score",
     on_step: Callable[[int, int], None] | None = None,
 ) -> FloatArray:
-    """What the light of two touches (n, 2, 3) has in addition to the product of both, over the map's untouched light.
+    """What the light of two touches (n, 2, 3) has in addition to the product of both, over untouched light.
+
+    Parameters
+    ----------
+    untouched : (pair,) untouched light; None is the pad's own. A map's is higher for faint pairs
 
     Returns
     -------
@@ -83,8 +92,10 @@ def changes_together(
     states = np.concatenate([alone, presses_mm])
     light = _grid_light(draft, states, seeds=seeds, accuracy=accuracy, on_step=on_step)
     alone = light[:, : len(single)][:, np.reshape(number, (-1, MOST_TIPS))]
-    share = untouched_flux(draft, seed=seeds[0]).ravel() / known.untouched  # below 1 in faint pairs
-    return np.asarray((light[:, len(single) :] - alone.prod(axis=2)) * np.minimum(share, 1.0))
+    found = light[:, len(single) :] - alone.prod(axis=2)
+    if untouched is not None:
+        found *= np.minimum(untouched_flux(draft, seed=seeds[0]).ravel() / untouched, 1.0)
+    return np.asarray(found)
 
 
 def _grid_light(

@@ -6,8 +6,9 @@ from collections.abc import Mapping
 
 from optopad.report.sections.drawings import Drawing
 from optopad.report.words import asset, part
-from optopad.screen.prediction import PredictedAccuracy, bound_text
+from optopad.screen.prediction import PredictedAccuracy, bound_text, range_text
 from optopad.sims.learning.tables import WITHIN_MM, ErrorRow
+from optopad.sims.two_touch_errors import LEAST_MM
 
 
 def accuracy_page(found: PredictedAccuracy, drawings: Mapping[str, Drawing]) -> str:
@@ -30,6 +31,8 @@ def accuracy_page(found: PredictedAccuracy, drawings: Mapping[str, Drawing]) -> 
         learner=learner,
         known=[row for row in best.errors if row.location is not None and row.depth is not None],
         bound_text=bound_text,
+        range_text=range_text,
+        least_mm=LEAST_MM,
         within_mm=WITHIN_MM,
     )
 

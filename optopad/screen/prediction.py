@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,6 +26,7 @@ from optopad.sims.learning.tables import (
     touch_json,
     touch_rows,
 )
+from optopad.sims.two_touch_errors import TwoTouchErrors
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -75,6 +76,7 @@ class PredictedAccuracy:
         error of the light model leaves a bound undecided; empty if no bounds were computed
     published : published figures of the same sensor; None for other sensors
     found_again : for a pad with a memory, when each model finds a touch again after a release
+    touches : how well each model of two touches tells them from one
     notes : sentences about the method and its assumptions
     settings : plain data: seeds, protocol, samples
     """
@@ -85,6 +87,7 @@ class PredictedAccuracy:
     bound_mm: Mapping[float, tuple[float, float]] = field(default_factory=dict)
     published: PublishedTouch | None = None
     found_again: tuple[FoundAgain, ...] = ()
+    touches: tuple[TwoTouchErrors, ...] = ()
     notes: tuple[str, ...] = ()
     settings: Mapping[str, Any] = field(default_factory=dict)
 
@@ -170,6 +173,7 @@ class PredictedAccuracy:
             ],
             "published_touch": None if self.published is None else self.published.source,
             **({"found_again": [asdict(one) for one in self.found_again]} if self.found_again else {}),
+            **({"touches": [one.to_json() for one in self.touches]} if self.touches else {}),
             "notes": list(self.notes),
         }
 
@@ -211,7 +215,29 @@ def accuracy_lines(found: PredictedAccuracy) -> list[str]:
     lines = [f"finding   {text}" for text in found.findings()]
     for learner, one in found.pooled().items():
         lines += [f"{learner}", *_touch_lines(one.touch, found.published), *_error_lines(one.errors, found)]
-    return [*lines, *found.notes]
+    return [*lines, *(line for one in found.touches for line in _two_touch_lines(one)), *found.notes]
+
+
+def _two_touch_lines(found: TwoTouchErrors) -> Iterator[str]:
+    yield f"{found.learner}, two touches: share in which both are found, and errors of these, by distance"
+    yield "  apart [mm]     [tip radii]    found   location: median 95 %   depth: median 95 % [mm]   frames"
+    if not found.rows:
+        yield "  no frames of two touches"
+    for row in found.rows:
+        apart, radii = range_text(row.from_mm, row.to_mm), range_text(*(row.radii(found.radius_mm)))
+        sides = [
+            f"{'-':>13}" if side is None else f"{side[0]:6.3f} {side[1]:6.3f}"
+            for side in (row.location_mm, row.depth_mm)
+        ]
+        yield f"  {apart:<14} {radii:<13} {row.found:6.1%}   {sides[0]:>23}   {sides[1]:>25}   {row.frames}"
+    if found.called is not None:
+        none, one, two = found.called
+        yield f"  one touch: {one:.1%} called one, {two:.1%} two, {none:.1%} none, of {found.single_frames} frames"
+
+
+def range_text(low: float, high: float) -> str:
+    """A range as text; an infinite end is open."""
+    return f"{low:g} to {high:g}" if math.isfinite(high) else f"{low:g} and more"
 
 
 def _touch_lines(rows: Sequence[TouchRow], published: PublishedTouch | None) -> list[str]:

@@ -56,6 +56,8 @@ def _list_line(summary: dict[str, Any]) -> str:
     depths, forces, objects = summary["depth_mm"], summary["force_n"], summary["objects"]
     named = objects[0] if len(objects) == 1 else f"{len(objects)} different objects"
     presses = counted(summary["presses"], "press", "presses")
+    if more := summary.get("two_touches"):
+        presses += f" ({more} of two touches)"
     return (
         f"list      {presses} by {named}, {min(depths):.2f} to {max(depths):.2f} mm deep, {min(forces):.2f} to "
         f"{max(forces):.2f} N; {summary['samples']} samples"

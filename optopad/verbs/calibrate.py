@@ -48,7 +48,7 @@ from optopad.sims.learning.inference.signal_map import SignalMapModel
 from optopad.sims.learning.map_learner import fit_signal_map, map_header, mapped
 from optopad.sims.learning.press_force import TipPath
 from optopad.sims.readings.dataset import read_data, require_design
-from optopad.sims.readings.press_data import PressData, data_notes
+from optopad.sims.readings.press_data import PressData, data_notes, left_out_note
 from optopad.work import as_netcdf
 
 if TYPE_CHECKING:
@@ -346,10 +346,18 @@ def fitted(
 ) -> CalibratedBuild:
     """The fit of `calibrate`, and its model `with_model`; nothing is written."""
     with as_netcdf(file, *topics) as netcdf:
-        data = read_data(netcdf, design)
+        whole = read_data(netcdf, design)
+        data = whole.of_one_tip()
+        if force is not None and data is not whole:
+            raise InputError(
+                f"--force: {whole.has_more.sum()} frames of {file} have two touches, and a load cell measures the sum "
+                "of their forces; leave --force out, or drop these frames"
+            )
         log = None if force is None else read_force_log(force)
         pressed = None if log is None else _pressed_force(netcdf, log, offset)
     notes = [*require_design(data, design, what=str(file)), *data_notes(data), *(log.notes if log else ())]
+    if more := left_out_note(whole.has_more, "a design is fitted to single touches"):
+        notes.append(more)
     fit = None if pressed is None else fit_force(design, *pressed, lambda share: on_step("force", share))
     found = calibrated(design, data, seed=seed, on_step=on_step)
     report = report_of(found)

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from optopad.cli.verb import named, require_folder, typed, verb
 from optopad.design.arrays import FloatArray
+from optopad.design.draft import Draft
 from optopad.design.errors import InputError
 from optopad.design.file_sets import written_together
 from optopad.design.io import write_text_atomically
@@ -24,13 +25,16 @@ from optopad.screen.output import Told
 from optopad.screen.prediction import ModelAccuracy, PredictedAccuracy, accuracy_lines, accuracy_of
 from optopad.sims.learning.inference.header import require_design as require_model_of
 from optopad.sims.learning.inference.model_file import load_model
+from optopad.sims.learning.inference.signal_map import KIND as SIGNAL_MAP
 from optopad.sims.learning.inference.touch_model import TouchModel
 from optopad.sims.learning.tables import ERROR_DEPTHS_MM, judged, needed_samples, published_touch
 from optopad.sims.plots.accuracy import plot_arrows, plot_depths, plot_errors, plot_touch, shown_places_mm
 from optopad.sims.plots.files import write_plot
 from optopad.sims.plots.style import plain_style
 from optopad.sims.readings.dataset import read_data, require_design
-from optopad.sims.readings.press_data import PressData, data_notes
+from optopad.sims.readings.label_checks import known_design
+from optopad.sims.readings.press_data import PressData, data_notes, left_out_note
+from optopad.sims.two_touch_errors import errors_on_data, knows_two
 from optopad.work import as_netcdf, read_design
 
 FEWEST_SAMPLES = 10
@@ -91,20 +95,34 @@ def _evaluated(
     for name, model in loaded:
         _require_fit(name, model, data)
     tested, told = _test_samples(data)
+    single = tested.of_one_tip()
+    if len(single) < FEWEST_SAMPLES:
+        raise InputError(
+            f"data: {len(single)} of {len(tested)} samples have one touch or none, needs {FEWEST_SAMPLES} for their "
+            "tables; record some"
+        )
     workspace = workspace_of(design) if design is not None else _range_of(tested)
     notes += data_notes(data)
     by_name = _named(loaded)
     found = tuple(
         accuracy
         for name, model in by_name.items()
-        for accuracy in accuracies(model, tested, workspace, on_step=on_step, learner=name)
+        for accuracy in accuracies(model, single, workspace, on_step=on_step, learner=name)
     )
+    known = known_design(design, data.design_digest)
+    touches = tuple(
+        errors_on_data(name, model, tested, None if known is None else Draft.of(known))
+        for name, model in by_name.items()
+        if knows_two(model)
+    )
+    notes += _left_out(by_name, tested)
     return (
         PredictedAccuracy(
             name=design.name if design is not None else file.stem,
             digest=data.design_digest,
             found=found,
             published=None if design is None else published_touch(design),
+            touches=touches,
             notes=(*notes, told),
             settings={
                 "data": str(file),
@@ -113,6 +131,17 @@ def _evaluated(
         ),
         workspace,
     )
+
+
+def _left_out(models: Mapping[str, TouchModel], tested: PressData) -> list[str]:
+    """Notes on the frames of two touches that models of one do not take."""
+    one = [name for name, model in models.items() if not knows_two(model)]
+    more = left_out_note(
+        tested.has_more,
+        f"{' and '.join(one)} know{'s' if len(one) == 1 else ''} one touch; `optopad train DATA --learner {SIGNAL_MAP} "
+        "--design DESIGN --touches 2` makes a model of two",
+    )
+    return [more] if one and more else []
 
 
 def write_accuracy(found: PredictedAccuracy, workspace: Outline, folder: Path, stem: str) -> tuple[Path, ...]:

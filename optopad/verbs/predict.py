@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from optopad.cli.verb import Asked, typed, verb
+from optopad.design.draft import Draft
 from optopad.design.errors import InputError
 from optopad.design.press_protocol import QUICK_PROTOCOL, PressProtocol, load_protocol_file
 from optopad.design.progress import OnStep, silent
@@ -36,10 +37,15 @@ from optopad.sims.learning.tables import ERROR_DEPTHS_MM, published_touch
 from optopad.sims.readings.press_data import clipped_note
 from optopad.sims.readings.protocol import ProtocolCurves, draw, protocol_curves
 from optopad.sims.readings.signal_chain import chain_of
+from optopad.sims.two_touch_errors import LEAST_MM, predicted_errors, require_touches
 from optopad.verbs.evaluate import accuracies, write_accuracy
 from optopad.work import OUT
 
 MOST_DRAWS = 50
+TWO_TOUCHES = (
+    f"two touches are at random places, directions and depths of {LEAST_MM:g} mm or more, with the noise and drift of "
+    "the test sets; the true places are those of the tips"
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,6 +78,7 @@ FULL = replace(USUAL, fit="full")
     quick=typed(default=False),
     protocol=typed("NAME"),
     draws=typed("N"),
+    touches=typed("N"),
     set_before="out",
 )
 def predict(
@@ -82,6 +89,7 @@ def predict(
     full: bool = False,
     protocol: str | None = None,
     draws: int = 1,
+    touches: int = 1,
     out: str | PathLike[str] = OUT,
     seed: int = 0,
     on_step: OnStep | None = None,
@@ -99,6 +107,7 @@ def predict(
     full : 24,000 samples in the kernel.
     protocol : Packaged protocol or a file (.toml).
     draws : Draws of noise, drift and offsets.
+    touches : 2: also how often a signal map finds a second touch, and the errors by distance.
 
     Raises
     ------
@@ -109,14 +118,19 @@ def predict(
         raise InputError("predict: --quick and --full contradict each other; give one of them")
     effort, step = FULL if full else QUICK if quick else USUAL, on_step or silent
     require_valid(design)
+    require_touches(touches, Draft.of(design))
     chosen = _known(learners or effort.learners)
+    if touches > 1 and SIGNAL_MAP not in chosen:
+        chosen = (*chosen, SIGNAL_MAP)
     if not 1 <= draws <= MOST_DRAWS:
         raise InputError(f"--draws: {draws} is refused: give 1 to {MOST_DRAWS}")
     wanted = load_protocol_file(protocol or effort.protocol)
     how = wanted.fitted_to(design)
     _require_roles(how)
     curves = protocol_curves(design, how, seed=seed, is_coarse=effort.is_coarse, on_step=step)
-    with_map = LEARNERS | {SIGNAL_MAP: signal_map_learner(design, quick=effort.is_coarse, seed=seed)}
+    with_map = LEARNERS | {
+        SIGNAL_MAP: signal_map_learner(design, quick=effort.is_coarse, seed=seed, touches=touches)
+    }
     fits = {name: with_map[name] for name in chosen}
     judged: dict[tuple[str, str], list[ModelAccuracy]] = {}
     models: dict[str, TouchModel] = {}
@@ -127,15 +141,30 @@ def predict(
             for one in tables:
                 judged.setdefault((name, one.test_set), []).append(one)
     again = _found_again(curves, models, seed, step)
+    of_two = (
+        (
+            predicted_errors(
+                SIGNAL_MAP, models[SIGNAL_MAP], curves, quick=effort.is_coarse, seed=seed, on_step=step
+            ),
+        )
+        if touches > 1
+        else ()
+    )
     found = PredictedAccuracy(
         name=design.name,
         digest=design.digest,
         found=tuple(_pooled(parts) for parts in judged.values()),
         published=published_touch(design),
-        notes=(*map(str, again), *_cut(wanted, how, design), *_notes(how, effort, draws, curves, seed)),
+        notes=(
+            *map(str, again),
+            *_cut(wanted, how, design),
+            *_notes(how, effort, draws, curves, seed),
+            *([TWO_TOUCHES] if of_two else []),
+        ),
         settings=_settings(how, effort, draws, seed, models),
         bound_mm={} if effort.is_coarse else bound_mm(design, curves, seed, step),
         found_again=again,
+        touches=of_two,
     )
     with bundle(design, Path(out), seed=seed) as folder:
         write_accuracy(found, workspace_of(design), folder / "sims", "prediction")

@@ -109,7 +109,8 @@ def press_command(
     force : Force in place of a depth, as 2N.
     shear : How far the objects then move sideways, along x and y [mm]: they stick, slip partly or slide.
     pull : Sideways force along x and y in place of --shear [N].
-    presses : Make a data set of many presses, a row each: x_mm, y_mm, depth_mm or force_n; also object and its keys.
+    presses : Make a data set of many presses, a row each: x_mm, y_mm, depth_mm or force_n; also object, its keys, and
+        a second touch by the same ball: x2_mm, y2_mm, depth2_mm.
     out : Also write the picture, as SVG and PNG, into the bundle in this folder.
     """
     if presses is not None:

@@ -24,6 +24,7 @@ from platform import python_version
 import numpy as np
 
 from optopad.design.arrays import BoolArray, FloatArray
+from optopad.design.draft import Draft
 from optopad.design.errors import InputError
 from optopad.design.progress import OnStep
 from optopad.design.spec import SensorDesign
@@ -201,12 +202,15 @@ def mapped(
     return replace(found, error=error.of_ratio(found.untouched), checked=error)
 
 
-def signal_map_learner(design: SensorDesign, *, quick: bool = False, seed: int = 0) -> Learner:
+def signal_map_learner(
+    design: SensorDesign, *, quick: bool = False, seed: int = 0, touches: int = 1
+) -> Learner:
     """Make the "signal-map" learner of a design; its map is traced at the first fit and reused.
 
     Parameters
     ----------
     quick, seed : see `mapped`
+    touches : number of touches at once that the model knows, 1 or 2
     """
     traced: list[SignalMap] = []
 
@@ -220,7 +224,13 @@ def signal_map_learner(design: SensorDesign, *, quick: bool = False, seed: int =
         if not traced:
             traced.append(mapped(design, quick=quick, seed=map_seed, on_step=on_step))
         header = map_header(design, train, traced[0], seed)
-        return fit_signal_map(design, traced[0], header, train, seed=seed, on_step=on_step)
+        model = fit_signal_map(design, traced[0], header, train, seed=seed, on_step=on_step)
+        if touches == 1:
+            return model
+        from optopad.sims.learning.together_fit import fit_together
+
+        # of the map's seed, so that the light of pairs of touches is traced once for all fits
+        return fit_together(Draft.of(design), model, traced[0], seed=map_seed, on_step=on_step)
 
     map_seed = seed
     return fit

@@ -19,7 +19,7 @@ import os
 import struct
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from types import TracebackType
 from typing import IO, TYPE_CHECKING, Any, Self
@@ -39,6 +39,9 @@ RECORD = struct.Struct("<II")
 CHUNK_SAMPLES = 2048
 """Number of samples per compressed chunk of the netCDF file: 0.6 MB for 8 emitters and 8 receivers."""
 JOURNAL_VERSION = 1
+AXIS_NAMES = ("x", "y", "depth")
+DIMENSIONS = {"counts": ("time", "state", "receiver"), "others": ("time", "other", "axis")}
+"""Dimensions of the variables that have more than `time`."""
 
 ByPress = Mapping[str, Sequence[str] | Sequence[float]]
 
@@ -200,6 +203,8 @@ def save_data(data: PressData, file: Path) -> Path:
     ------
     OutputError : the folder cannot be written.
     """
+    if not np.isfinite(data.others_mm).any():
+        data = replace(data, others_mm=np.zeros((len(data), 0, 3)))
     header = header_of(data)
     return _write_whole(file, header, iter([_rows_of(data, _sample_type(header))]), {})
 
@@ -214,7 +219,13 @@ def _sample_type(header: PressData) -> np.dtype[np.void]:
     columns: list[Any] = [
         ("counts", "<f4", shape), ("press", "<f8", (3,)), ("time", "<f8"), ("set", "<i4"), ("place", "<i4"),
     ]  # fmt: skip
-    return np.dtype(columns + ([("true", "<f8", (3,))] if header.true_press_mm is not None else []))
+    columns += [("true", "<f8", (3,))] if header.true_press_mm is not None else []
+    return np.dtype(columns + ([("others", "<f8", (tips, 3))] if (tips := _tips(header)) else []))
+
+
+def _tips(header: PressData) -> int:
+    """Number of further tips in each sample."""
+    return int(header.others_mm.shape[1])
 
 
 def _rows_of(press: PressData, kind: np.dtype[np.void]) -> NDArray[np.void]:
@@ -225,6 +236,8 @@ def _rows_of(press: PressData, kind: np.dtype[np.void]) -> NDArray[np.void]:
         if press.true_press_mm is None:
             raise InputError("press: has no true_press_mm, which the file was begun with")
         rows["true"] = press.true_press_mm
+    if _tips(press):
+        rows["others"] = press.others_mm
     return rows
 
 
@@ -243,6 +256,7 @@ def _header_line(header: PressData, asked: Any) -> bytes:
         "attributes": dict(header.attributes),
         "has_truth": header.true_press_mm is not None,
         "asked": asked,
+        **({"others": tips} if (tips := _tips(header)) else {}),
     }
     return json.dumps(document, sort_keys=True).encode() + b"\n"
 
@@ -275,8 +289,11 @@ def _write_netcdf(
             is_text = isinstance(along[0], str)
             listed = np.array(along, dtype=object if is_text else np.float64)
             out.create_variable(name, ("press",), dtype=_text() if is_text else "f8", data=listed)
+        if tips := _tips(header):
+            out.dimensions["other"], out.dimensions["axis"] = tips, len(AXIS_NAMES)
+            out.create_variable("axis", ("axis",), dtype=_text(), data=np.array(AXIS_NAMES, dtype=object))
         for name, (_, _, kind, attributes) in columns.items():
-            axes = ("time", "state", "receiver") if name == "counts" else ("time",)
+            axes = DIMENSIONS.get(name, ("time",))
             chunks = (CHUNK_SAMPLES, *(out.dimensions[axis].size for axis in axes[1:]))
             made = out.create_variable(
                 name, axes, dtype=kind, chunks=chunks, compression="gzip", compression_opts=4, shuffle=True
@@ -306,8 +323,11 @@ def _columns(header: PressData) -> dict[str, tuple[str, int | None, str, dict[st
     }
     if header.true_press_mm is not None:
         truth = {"units": "mm", "long_name": "true position of the tip; known to the simulation only"}
-        for index, axis in enumerate(("x", "y", "depth")):
+        for index, axis in enumerate(AXIS_NAMES):
             columns[f"true_{axis}"] = ("true", index, "f8", truth)
+    if _tips(header):
+        more = {"units": "mm", "long_name": "further tips that touch at the same time; NaN: none"}
+        columns["others"] = ("others", None, "f8", more)
     return columns
 
 

@@ -6,6 +6,7 @@ Dimensions ``time`` (one frame), ``state``, ``receiver``:
     press_x, press_y, press_depth (time)  position of the tip as the stage reports it [mm]
     time_s, set, place (time)             time within the set [s], number of the set, number of the press in the set
     true_x, true_y, true_depth (time)     true position of the tip; simulated sets only [mm]
+    others (time, other, axis)            x, y, depth of further tips, NaN where there is none; may be absent [mm]
     attributes                            design_digest, full_scale_counts, sets and attributes as JSON
 
 A variable's attribute `units` gives its unit; without it, the units above apply. Lengths and times are converted. Volts
@@ -30,7 +31,7 @@ from optopad.design.errors import InputError
 from optopad.design.netcdf_file import read_netcdf, require_numbers
 from optopad.design.recordings import LOSSES, OFF, UNNAMED, SetEntry
 from optopad.sims.press import SAME_PLACE_MM
-from optopad.sims.readings.data_writer import DataWriter, header_of, save_data
+from optopad.sims.readings.data_writer import AXIS_NAMES, DIMENSIONS, DataWriter, header_of, save_data
 from optopad.sims.readings.label_checks import (
     HALF_COUNT,
     LENGTHS_MM,
@@ -42,6 +43,8 @@ from optopad.sims.readings.label_checks import (
     require_no_fill_values,
     require_possible_readings,
     require_true_labels,
+    require_true_others,
+    unit_factor,
 )
 from optopad.sims.readings.press_data import CONVERTED, PressData, clipped_note, data_notes, joined
 
@@ -72,7 +75,7 @@ NEEDED_FILE = (
 )
 MOST_NUMBER = 2**31 - 2
 """Largest accepted number of a press; the next one marks a gap."""
-AXES = ("time", "state", "receiver")
+AXES, OTHERS, OBJECT = DIMENSIONS["counts"], "others", "object"
 NEEDED = ("counts", "press_x", "press_y", "press_depth", "state", "receiver")
 TRUE_PRESS = ("true_x", "true_y", "true_depth")
 TIMES = ("time_s", "device_time", "host_time")
@@ -175,9 +178,36 @@ def _data_of(found: xr.Dataset, file: Path, design: SensorDesign | None) -> Pres
         design_digest=digest,
         attributes=attributes,
         true_press_mm=in_unit(found, list(TRUE_PRESS), LENGTHS_MM) if has_truth else None,
+        others_mm=others_of(found, file),
     )
-    require_true_labels(press_mm[:, 2], press_mm[:, :2], data.features(), known)
+    one = data.of_one_tip()
+    require_true_labels(one.press_mm[:, 2], one.press_mm[:, :2], one.features(), known)
+    # the radius of listed objects is their own, and was compared when they were pressed
+    require_true_others(press_mm, data.others_mm, known, has_tips=OBJECT not in found.variables)
     return data
+
+
+def others_of(found: xr.Dataset, file: Path) -> FloatArray:
+    """Further tips (sample, k, 3) of a file [mm]; k is 0 if it has none.
+
+    Raises
+    ------
+    InputError : the variable has other dimensions or units.
+    """
+    if OTHERS not in found.variables:
+        return np.zeros((found.sizes["time"], 0, 3))
+    require_numbers(found, file, (OTHERS,), DIMENSIONS[OTHERS])
+    array = found[OTHERS].transpose(*DIMENSIONS[OTHERS])
+    names = [str(name) for name in array["axis"].values] if "axis" in array.coords else list(AXIS_NAMES)
+    if names != list(AXIS_NAMES) or array.shape[2] != len(AXIS_NAMES):
+        raise InputError(
+            f"{OTHERS}: its dimension axis is {', '.join(names)} ({array.shape[2]} values), needs x, y, depth"
+        )
+    values = array.values.astype(np.float64)
+    for tip in range(values.shape[1]):
+        columns = zip(AXIS_NAMES, values[:, tip].T, strict=True)
+        require_no_fill_values({f"{OTHERS} {tip + 1}, {axis}": column for axis, column in columns})
+    return values * unit_factor(array.attrs.get("units"), LENGTHS_MM, OTHERS)
 
 
 def _require_possible(

@@ -12,6 +12,7 @@ numbers by which programs mark a gap, such as -999 or netCDF's 9.97e36.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -163,6 +164,24 @@ def require_finite(named: Mapping[str, NDArray[Any] | None], *, where: str, row:
         )
 
 
+def require_whole_tips(others_mm: FloatArray) -> None:
+    """Check that each further tip (sample, k, 3) has all of x, y, depth, or none.
+
+    Raises
+    ------
+    InputError : the message has the number of other tips, and the first sample with one.
+    """
+    is_known = np.isfinite(others_mm)
+    bad = np.argwhere(~(is_known.all(axis=2) | np.isnan(others_mm).all(axis=2)))
+    if len(bad):
+        sample, tip = bad[0]
+        raise InputError(
+            f"others: {len(bad)} tips have no finite x, y and depth, the first in sample {sample + 1}: "
+            f"{', '.join(f'{value:g}' for value in others_mm[sample, tip])} mm; give all three, or NaN for all where "
+            "there is no further tip"
+        )
+
+
 def require_possible_readings(
     readings: NDArray[Any], names: Sequence[str], full_scale: float | None, *, slack: float
 ) -> None:
@@ -254,6 +273,44 @@ def require_true_labels(
         _require_in_the_cavity(location_mm[depth_mm > 0.0], design)
 
 
+def require_true_others(
+    press_mm: FloatArray, others_mm: FloatArray, design: SensorDesign | None, *, has_tips: bool = True
+) -> None:
+    """Check that tips which touch at the same time are in the pad and do not overlap.
+
+    Parameters
+    ----------
+    press_mm, others_mm : (sample, 3), (sample, k, 3) x, y, depth of the first tip and of further ones [mm]
+    design : design of the data; if None, limits that hold for every design are used
+    has_tips : whether the pad is pressed by the design's tip, whose radius is then compared if it is a hemisphere
+
+    Raises
+    ------
+    InputError : a tip is outside the cavity or in another unit, or two tips overlap.
+    """
+    tips = np.concatenate([press_mm[:, None], others_mm], axis=1)
+    tips = tips[(others_mm[..., 2] > 0.0).any(axis=1)]
+    touching = tips[tips[..., 2] > 0.0]
+    if not len(tips):
+        return
+    _require_millimetres(touching[:, 2], design, "others")
+    _require_in_the_cavity(touching[:, :2], design, "others")
+    if design is None or not has_tips or design.indenter.shape != "hemisphere":
+        return
+    near_mm = 2.0 * design.indenter.tip_radius_mm
+    for first, second in combinations(np.moveaxis(tips, 1, 0), 2):
+        apart_mm = np.linalg.norm(first - second, axis=1)
+        is_bad = (apart_mm < near_mm - SLACK_MM) & (first[:, 2] > 0.0) & (second[:, 2] > 0.0)
+        if is_bad.any():
+            at = int(is_bad.argmax())
+            places = " and ".join(f"({x:g}, {y:g})" for x, y, _ in (first[at], second[at]))
+            raise InputError(
+                f"others: in {is_bad.sum()} of {len(tips)} frames of two touches the tips overlap, first at {places} "
+                f"mm, their centres {apart_mm[at]:.2f} mm apart; needs two tip radii, {near_mm:g} mm; correct the "
+                "positions, or drop these frames"
+            )
+
+
 def _require_depth_into_the_pad(depth_mm: FloatArray, signals: NDArray[Any], noise: float) -> None:
     kept = slice(None, None, -(-len(depth_mm) // MOST_SAMPLES))
     depth, seen = depth_mm[kept], signals[kept].astype(np.float64)
@@ -289,22 +346,26 @@ def _change(distance_mm: FloatArray, signals: FloatArray, level: FloatArray) -> 
     return max(float(share.max()), 0.0)
 
 
-def _require_millimetres(depth_mm: FloatArray, design: SensorDesign | None) -> None:
+def _require_millimetres(
+    depth_mm: FloatArray, design: SensorDesign | None, name: str = "press_depth"
+) -> None:
     low, high = float(depth_mm.min()), float(depth_mm.max())
     thickest = THICKEST_MM if design is None else design.cavity.clear_thickness_mm
     if high > thickest + SLACK_MM:
         raise InputError(
-            f"press_depth: the depths reach from {low:g} to {high:g} mm, the clear layer is "
+            f"{name}: the depths reach from {low:g} to {high:g} mm, the clear layer is "
             f"{'at most ' if design is None else ''}{thickest:g} mm thick: are they in millimetres?"
         )
     if high > 0.0 and max(-low, high) <= METRES_MM:
         raise InputError(
-            f"press_depth: the depths reach from {low:g} to {high:g} mm, which is less than the signals resolve: are "
+            f"{name}: the depths reach from {low:g} to {high:g} mm, which is less than the signals resolve: are "
             "they in millimetres, or in metres?"
         )
 
 
-def _require_in_the_cavity(location_mm: FloatArray, design: SensorDesign | None) -> None:
+def _require_in_the_cavity(
+    location_mm: FloatArray, design: SensorDesign | None, name: str = "press_x, press_y"
+) -> None:
     x_mm, y_mm = location_mm.T
     whole = rectangle((0.0, 0.0, LARGEST_MM, LARGEST_MM))
     if design is not None:
@@ -314,7 +375,7 @@ def _require_in_the_cavity(location_mm: FloatArray, design: SensorDesign | None)
     out = np.flatnonzero(~whole.contains(x_mm, y_mm, SLACK_MM))
     if out.size:
         raise InputError(
-            f"press_x, press_y: {out.size} of {len(x_mm)} pressed samples are outside the cavity, "
+            f"{name}: {out.size} of {len(x_mm)} pressed samples are outside the cavity, "
             f"{'' if design else 'at most '}{whole.words}; the first is at ({x_mm[out[0]]:g}, {y_mm[out[0]]:g}) mm; is "
             "the origin its corner, and are they in millimetres? Correct them, or drop samples next to the pad"
         )

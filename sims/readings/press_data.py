@@ -1,7 +1,8 @@
 """Readings of a sensor under presses of known location and depth (`PressData`), and curves of light against depth.
 
 A sample is one frame: the readings of every receiver in every state (each emitter alone, then all off), and the
-position of the tip as the stage reports it. Samples belong to presses (one approach and retraction at one location).
+position of the tip as the stage reports it. Further tips may touch
+at the same time. Samples belong to presses (one approach and retraction at one location).
 Presses belong to sets (one session of one pattern). Splits into training and test data keep presses whole, because
 samples of one press are too similar to be on both sides. `optopad.sims.readings.dataset` reads and writes the files.
 
@@ -39,7 +40,7 @@ from optopad.design.errors import InputError, ModelScopeError
 from optopad.design.recordings import LOSSES, OFF, ROLES, SetEntry, signals_of
 from optopad.design.spec import SensorDesign
 from optopad.sims.optics.accuracy import Accuracy
-from optopad.sims.readings.label_checks import require_finite
+from optopad.sims.readings.label_checks import require_finite, require_whole_tips
 
 CONVERTED = "converted"
 """Name of the entry in `PressData.attributes` that says how readings were converted from another unit."""
@@ -62,6 +63,7 @@ class PressData:
     design_digest : digest of the design that was built or simulated; None if unknown
     attributes : further information, such as protocol, parameters of the signal chain, seed
     true_press_mm : (sample, 3) true x, y, depth of the tip [mm]; only in simulated data, else None
+    others_mm : (sample, k, 3) x, y, depth of up to k further tips [mm]; NaN where a sample has none
     """
 
     counts: NDArray[np.float32]
@@ -76,11 +78,15 @@ class PressData:
     design_digest: str | None = None
     attributes: Mapping[str, Any] = field(default_factory=dict)
     true_press_mm: FloatArray | None = None
+    others_mm: FloatArray = field(default_factory=lambda: np.zeros((0, 0, 3)))
 
     def __post_init__(self) -> None:
+        if self.others_mm.shape[1:] == (0, 3):  # no further tips, for any number of samples
+            object.__setattr__(self, "others_mm", np.zeros((len(self.counts), 0, 3)))
         _require_shapes(self)
         arrays = {name: getattr(self, name) for name in ("counts", "press_mm", "time_s", "true_press_mm")}
         require_finite(arrays, where="data", row="sample")
+        require_whole_tips(self.others_mm)
 
     def __len__(self) -> int:
         return len(self.counts)
@@ -95,6 +101,21 @@ class PressData:
         """Names of the pairs, in the order of `features`: ``E1-R1``, ``E1-R2``, ..."""
         return tuple(f"{e}-{r}" for e in self.emitter_names for r in self.receiver_names)
 
+    @property
+    def touch_count(self) -> IntArray:
+        """Number (sample,) of tips that touch: those with a depth above 0."""
+        others = (self.others_mm[..., 2] > 0.0).sum(axis=1)
+        return np.asarray(others + (self.press_mm[:, 2] > 0.0), dtype=np.int64)
+
+    @property
+    def has_more(self) -> BoolArray:
+        """Whether a further tip touches (sample,)."""
+        return np.asarray((self.others_mm[..., 2] > 0.0).any(axis=1))
+
+    def of_one_tip(self) -> PressData:
+        """The samples in which no further tip touches."""
+        return self.only(~self.has_more) if self.has_more.any() else self
+
     def signals(self) -> NDArray[np.float32]:
         """Signals (sample, emitter, receiver): readings minus those of the off state [counts]."""
         return signals_of(self.counts)
@@ -107,7 +128,7 @@ class PressData:
         """The samples that a mask (sample,) or sample numbers (n,) select."""
         picked = {
             name: getattr(self, name)[mask]
-            for name in ("counts", "press_mm", "time_s", "set_number", "place_number")
+            for name in ("counts", "press_mm", "time_s", "set_number", "place_number", "others_mm")
         }
         truth = None if self.true_press_mm is None else self.true_press_mm[mask]
         return replace(self, **picked, true_press_mm=truth)
@@ -155,6 +176,11 @@ def joined(parts: Sequence[PressData]) -> PressData:
                 )
     starts = np.cumsum([0, *(len(part.sets) for part in parts)])
     truths = [part.true_press_mm for part in parts]
+    tips = max(part.others_mm.shape[1] for part in parts)
+    others = [
+        np.pad(part.others_mm, ((0, 0), (0, tips - part.others_mm.shape[1]), (0, 0)), constant_values=np.nan)
+        for part in parts
+    ]
     return replace(
         first,
         counts=np.concatenate([part.counts for part in parts]),
@@ -168,6 +194,7 @@ def joined(parts: Sequence[PressData]) -> PressData:
         true_press_mm=np.concatenate([one for one in truths if one is not None])
         if all(one is not None for one in truths)
         else None,
+        others_mm=np.concatenate(others),
         attributes={**first.attributes, **_losses(parts)},
     )
 
@@ -182,6 +209,13 @@ def data_notes(data: PressData) -> tuple[str, ...]:
     simulated = "the data are simulated, not recorded" if data.true_press_mm is not None else None
     notes = (simulated, data.attributes.get(LOSSES), data.attributes.get(CONVERTED), clipped_note(data))
     return tuple(str(note) for note in notes if note is not None)
+
+
+def left_out_note(is_left_out: BoolArray, why: str) -> str | None:
+    """A sentence on the frames of two touches (mask (n,)) that are left out; None if there are none."""
+    if not is_left_out.any():
+        return None
+    return f"{is_left_out.sum()} of {len(is_left_out)} frames have two touches and are left out: {why}"
 
 
 def clipped_note(data: PressData) -> str | None:
@@ -214,6 +248,7 @@ def _require_shapes(data: PressData) -> None:
         "set_number": (samples,),
         "place_number": (samples,),
         "true_press_mm": (samples, 3),
+        "others_mm": (samples, *data.others_mm.shape[1:2], 3),
     }
     for one in fields(data):
         values = getattr(data, one.name)

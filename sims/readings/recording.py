@@ -34,7 +34,7 @@ from optopad.design.errors import InputError
 from optopad.design.files import EMPTY, TEXT, kind_of_file
 from optopad.design.netcdf_file import read_netcdf, require_numbers
 from optopad.design.recordings import LOSSES, OFF, signals_of
-from optopad.sims.readings.dataset import AXES, full_scale_of, losses_note, off_last
+from optopad.sims.readings.dataset import AXES, full_scale_of, losses_note, off_last, others_of
 from optopad.sims.readings.label_checks import (
     HALF_COUNT,
     LENGTHS_MM,
@@ -46,6 +46,7 @@ from optopad.sims.readings.label_checks import (
     require_possible_readings,
     require_true_labels,
 )
+from optopad.sims.readings.press_data import left_out_note
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -123,6 +124,11 @@ def _read_netcdf(file: Path) -> Recording:
     require_numbers(dataset, file, ("counts",), AXES)
     lengths = ["press_depth", *(("press_x", "press_y") if has_place else ())]
     require_numbers(dataset, file, lengths, ("time",))
+    try:
+        is_more = np.asarray((others_of(dataset, file)[..., 2] > 0.0).any(axis=1))
+    except InputError as err:
+        raise InputError(f"{file}: {err}") from None
+    dataset = dataset.isel(time=~is_more) if is_more.any() else dataset
     states, counts = off_last(dataset)
     names = [f"{state}-{receiver}" for state in states for receiver in dataset["receiver"].values]
     readings = counts.reshape(len(counts), -1)
@@ -147,7 +153,7 @@ def _read_netcdf(file: Path) -> Recording:
         },
         notes=(
             *(("readings of the off state were subtracted",) if has_off else ()),
-            *filter(None, (losses_note(dataset),)),
+            *filter(None, (losses_note(dataset), left_out_note(is_more, "one press is compared at a time"))),
         ),
     )
 

@@ -30,6 +30,7 @@ LIST = (
     '9, 7, 0.5, "box,length=4,width=4,pose=edge", 0.785, ,train\n'
 )
 FRAMES = len(APPROACH_MM) + TOUCHED
+TWO = "x_mm,y_mm,depth_mm,x2_mm,y2_mm,depth2_mm,object\n"
 REFUSED = (
     ("x_mm,y_mm\n9,7\n", "depth_mm ... force_n"),
     ("x_mm,y_mm,depth_mm,force_n\n9,7,1,1\n", "depth_mm ... force_n"),
@@ -48,6 +49,16 @@ REFUSED = (
     ("x_mm,y_mm,depth_mm,object\n9,7,1,sphere;x=3\n", "row 2 ... x=3"),
     ("x_mm,y_mm,depth_mm,object,role\n9,7,1,sphere,learn\n", "row 2 ... role ... learn ... train or test"),
     ("x_mm;y_mm;depth_mm\n9;7;1\n", "semicolons"),
+    (f"{TWO}9,7,1,,,,sphere\n9,7,1,14,7,,sphere\n", "row 3 ... x2_mm, y2_mm without depth2_mm"),
+    (f"{TWO}9,7,1,12,7,1,sphere;radius=2\n", "row 2 ... overlap ... 3.00 mm apart ... two radii, 4 mm"),
+    (f"{TWO}9,7,1,18,7,1,cylinder\n", "row 2 ... x2_mm ... cylinder ... sphere"),
+    (f"{TWO}9,7,1,18,7,-1,sphere\n", "row 2 ... depth2_mm ... -1 ... 0 or more"),
+    (f"{TWO}9,7,1,18,seven,1,sphere\n", "row 2 ... y2_mm ... seven"),
+    (
+        TWO.replace("depth", "force", 1).replace("force_mm", "force_n") + "9,7,1,18,7,1,sphere\n",
+        "row 2 ... force_n ... depth_mm",
+    ),
+    ("x_mm,y_mm,depth_mm,x2_mm,y2_mm,depth2_mm,x3_mm\n9,7,1,18,7,1,24\n", "x3_mm ... one touch or two"),
 )
 """Lists, and what the refusal names."""
 
@@ -135,6 +146,29 @@ def test_the_data_set_of_a_list(tmp_path: Path) -> None:
     since_s = third.time_s[0] - PRESS_S
     wanted = kept_share(since_s, residue=0.1, decay_s=PRESS_S) * whole
     np.testing.assert_allclose(third.signals()[0] - first.signals()[0], wanted, atol=1e-3)
+
+
+def test_a_second_touch_is_in_the_light_and_in_the_labels(tmp_path: Path) -> None:
+    rows = "10,7,0.8,18,7,0.4,\n14,7,0.6,,,,\n"
+    presses, design = listed(TWO + rows, "sphere,radius=2"), without_noise(PAD)
+    made = held_data(design, presses, tmp_path / "data.nc", on_step=silent)
+    assert made["two_touches"] == 1
+    assert "2 presses (1 of two touches) by a sphere of radius 2 mm" in data_lines(made)[0]
+    data = read_data(tmp_path / "data.nc", design)
+    both = data.only((data.place_number == 0) & (data.set_number == 0))
+    np.testing.assert_array_equal(both.touch_count, [*[0] * len(APPROACH_MM), *[2] * TOUCHED])
+    np.testing.assert_array_equal(both.press_mm[-1], [10.0, 7.0, 0.8])
+    np.testing.assert_array_equal(both.others_mm[-1], [[18.0, 7.0, 0.4]])
+    np.testing.assert_array_equal(both.others_mm[:4, 0, 2], APPROACH_MM)
+    assert np.isnan(data.only(data.place_number == 1).others_mm).all()
+    draft, asked = Draft.of(design), [one.asked for one in presses]
+    light = held_light(draft, all_pressed(draft, asked[:1]))
+    np.testing.assert_allclose(both.signals()[-1], light.readout.counts(light.flux)[0], rtol=1e-5)
+    alone = listed("x_mm,y_mm,depth_mm\n10,7,0.8\n18,7,0.4\n", "sphere,radius=2")
+    apart = held_light(draft, all_pressed(draft, [one.asked for one in alone]))
+    product = apart.flux[0] * apart.flux[1] / apart.untouched
+    first, second = np.linalg.norm(light.flux[0] - apart.flux, axis=(1, 2))
+    assert np.linalg.norm(light.flux[0] - product) < 0.2 * min(first, second)
 
 
 @pytest.mark.slow

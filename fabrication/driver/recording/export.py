@@ -153,10 +153,9 @@ def _label(dataset: xr.Dataset, labels: PressLabels) -> None:
     for k, axis in enumerate(("press_x", "press_y", "press_depth")):
         positive = {"positive": "into the pad"} if axis == "press_depth" else {}
         dataset[axis] = ("time", labels.press_mm[:, k], {"units": "mm"} | positive)
-    others_mm = np.where(labels.others_mm[..., 2:] > 0.0, labels.others_mm, np.nan)
-    if np.isfinite(others_mm).any():
+    if (labels.others_mm[..., 2] > 0.0).any():
         known = {"units": "mm", "long_name": "further tips that touch at the same time; NaN: none"}
-        dataset["others"] = (("time", "other", "axis"), others_mm, known)
+        dataset["others"] = (("time", "other", "axis"), labels.others_mm, known)
         dataset.coords["axis"] = ["x", "y", "depth"]
     if labels.set_number is not None:
         dataset["set"] = ("time", labels.set_number, {"long_name": "number in the attribute sets, from 0"})

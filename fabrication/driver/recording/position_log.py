@@ -8,6 +8,8 @@ The file is CSV with a heading; lines that start with # are comments. Required a
     x_mm y_mm depth_mm   location in the cavity's coordinate system, depth positive into the pad (also _um, _cm, _m, and
                          "X (mm)")
 
+A second tip has the columns x2_mm, y2_mm, depth2_mm, in any of these units; rows without it leave all three empty.
+
 Optional columns are `set` (name), `place` (number of the press within its set), `role` (train, test), `pattern`
 (grid, random) and `ambient` (yes, no). A table row with an empty `set` or `place` belongs to no press, because the
 stage is moving between presses.
@@ -74,6 +76,7 @@ class PositionLog:
     place_number : for each position, the number of its press within the set, or -1 without a press; None if the log has
         no such column
     sets : the sets of presses
+    others_mm : positions of a second tip, shape (n, 1, 3), NaN where it is unknown [mm]; None if the log has none
     """
 
     file: str
@@ -82,31 +85,50 @@ class PositionLog:
     set_number: IntArray | None = None
     place_number: IntArray | None = None
     sets: tuple[SetEntry, ...] = ()
+    others_mm: FloatArray | None = None
+
+    @property
+    def tips_mm(self) -> FloatArray:
+        """Positions of all tips, shape (n, tip, 3) [mm]."""
+        first = self.press_mm[:, np.newaxis]
+        return first if self.others_mm is None else np.concatenate([first, self.others_mm], axis=1)
 
     def labels_at(self, time_s: FloatArray) -> tuple[PressLabels, BoolArray]:
         """Positions and sets at given times of the log's clock [s], and for each time whether the position is known.
 
-        Positions are interpolated linearly. They are unknown outside the log, in a long gap during which the tip moved,
-        and at times that belong to no press.
+        Positions are interpolated linearly. They are unknown outside the log, in a long gap during which a tip moved,
+        where the log begins or ends to have a second tip, and at times that belong to no press.
         """
         after = np.clip(np.searchsorted(self.time_s, time_s, side="right"), 1, len(self.time_s) - 1)
         gap_s = self.time_s[after] - self.time_s[after - 1]
-        moved_mm = np.linalg.norm(self.press_mm[after] - self.press_mm[after - 1], axis=1)
+        tips = self.tips_mm
+        moved_mm = np.nanmax(np.linalg.norm(tips[after] - tips[after - 1], axis=2), axis=1)
         known = (time_s >= self.time_s[0]) & (time_s <= self.time_s[-1])
         known &= (gap_s <= LONGEST_GAP_S) | (moved_mm <= STILL_MM)
-        press_mm = np.stack([np.interp(time_s, self.time_s, axis) for axis in self.press_mm.T], axis=1)
+        known &= (np.isnan(tips[after]) == np.isnan(tips[after - 1])).all(axis=(1, 2))
+        axes = tips.reshape(len(tips), -1).T
+        at_mm = np.stack([np.interp(time_s, self.time_s, axis) for axis in axes], axis=1).reshape(
+            -1, *tips.shape[1:]
+        )
         row = np.where(time_s >= self.time_s[-1], len(self.time_s) - 1, after - 1)
         numbers = [None if column is None else column[row] for column in (self.set_number, self.place_number)]
         for column in numbers:
             known &= True if column is None else column != NOWHERE
         return (
-            PressLabels(press_mm=press_mm, set_number=numbers[0], place_number=numbers[1], sets=self.sets),
+            PressLabels(
+                press_mm=at_mm[:, 0],
+                set_number=numbers[0],
+                place_number=numbers[1],
+                sets=self.sets,
+                others_mm=at_mm[:, 1:],
+            ),
             known,
         )
 
     def crossings_s(self) -> tuple[FloatArray, FloatArray]:
-        """Times at which the depth rises above 0, and times at which it falls to 0 or less [s]."""
-        depth, touched = self.press_mm[:, 2], self.press_mm[:, 2] > 0
+        """Times at which the deeper tip's depth rises above 0, and at which it falls to 0 or less [s]."""
+        depth = np.nanmax(self.tips_mm[..., 2], axis=1)
+        touched = depth > 0
         at = np.flatnonzero(touched[1:] != touched[:-1])
         share = depth[at] / (depth[at] - depth[at + 1])
         time_s = self.time_s[at] + share * (self.time_s[at + 1] - self.time_s[at])
@@ -124,7 +146,9 @@ def read_position_log(file: Path) -> PositionLog:
     time_s = times_of(table)
     press_mm = np.stack([_lengths(table, axis) for axis in ("x", "y", "depth")], axis=1)
     require_rising(table, time_s)
-    _require_possible(table, time_s, press_mm)
+    others_mm = _others(table)
+    for tip in [press_mm] if others_mm is None else [press_mm, others_mm[:, 0]]:
+        _require_possible(table, time_s, tip)
     _require_close(table, time_s, press_mm)
     sets, set_number = _sets(table)
     place_number = _places(table)
@@ -141,6 +165,7 @@ def read_position_log(file: Path) -> PositionLog:
         set_number=set_number,
         place_number=place_number,
         sets=sets,
+        others_mm=others_mm,
     )
 
 
@@ -256,12 +281,42 @@ def _iso_s(text: str) -> float:
 
 
 def _lengths(table: CsvTable, axis: str) -> FloatArray:
-    for suffix, unit_mm in LENGTHS_MM.items():
-        if (name := axis + suffix) in table.heading:
-            return unit_mm * np.array(table.numbers(name))
-    raise InputError(
-        f"{table.file}: has no {axis}_mm (or {axis}_um, {axis}_cm, {axis}_m); it has {', '.join(table.heading)}"
+    if (name := _length_column(table, axis)) is None:
+        raise InputError(
+            f"{table.file}: has no {axis}_mm (or {axis}_um, {axis}_cm, {axis}_m); it has {', '.join(table.heading)}"
+        )
+    return LENGTHS_MM[name.removeprefix(axis)] * np.array(table.numbers(name))
+
+
+def _length_column(table: CsvTable, axis: str) -> str | None:
+    """The column of an axis, with its unit; None if there is none."""
+    return next((axis + unit for unit in LENGTHS_MM if axis + unit in table.heading), None)
+
+
+def _others(table: CsvTable) -> FloatArray | None:
+    """Positions of the second tip (n, 1, 3), NaN in rows without it; None if the log has none."""
+    first, second, third = (
+        [_length_column(table, f"{axis}{number}") for axis in ("x", "y", "depth")] for number in ("", 2, 3)
     )
+    if any(third):
+        raise InputError(
+            f"{table.file}: has {', '.join(filter(None, third))}; a log has the positions of one tip or of two: leave "
+            "the third out"
+        )
+    has = [name for name in second if name is not None]
+    if not has:
+        return None
+    if len(has) < len(first):
+        raise InputError(
+            f"{table.file}: has {', '.join(has)} alone; a second tip has x2_mm, y2_mm and depth2_mm: add the others"
+        )
+    without = [k for k, row in enumerate(table.records()) if not any(row[name] for name in has)]
+    found = np.full((len(table.rows), 1, 3), np.nan)
+    rows = table.without(without)
+    found[np.setdiff1d(np.arange(len(found)), without), 0] = np.stack(
+        [_lengths(rows, axis) for axis in ("x2", "y2", "depth2")], axis=1
+    )
+    return found
 
 
 def _sets(table: CsvTable) -> tuple[tuple[SetEntry, ...], IntArray | None]:

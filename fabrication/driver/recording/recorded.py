@@ -36,7 +36,8 @@ class PressLabels:
     Attributes
     ----------
     press_mm : x, y and depth according to the stage, shape (n, 3) [mm]; the pad is untouched if depth is 0 or less
-    others_mm : the same of k further fingers, shape (n, k, 3) [mm]; such a finger does not touch if depth is 0 or less
+    others_mm : the same of k further fingers, shape (n, k, 3) [mm]; such a finger does not touch if depth is 0 or less,
+        or NaN
     set_number : index of the set in `sets`, shape (n,); None if unknown
     place_number : number of the press within its set, shape (n,); None if unknown
     sets : the sets of presses

@@ -55,7 +55,7 @@ def export(
     recordings : A file of `driver record`, or a ROS 2 bag (.mcap, .db3, folder); several with --lerobot.
     out : netCDF (.nc), a table (.csv) or ROS 2 messages (.mcap); default: .nc, next to the recording.
     presses : Positions of the tip, repeated: t_s (the board's clock), x_mm, y_mm, depth_mm.
-    stage : A stage's log: time, x_mm, y_mm, depth_mm; optionally 'set', 'place'.
+    stage : A stage's log: time, x_mm, y_mm, depth_mm; optionally 'set', 'place'; x2_mm, y2_mm, depth2_mm.
     lerobot : Write the episodes of a LeRobot data set instead.
     append : LeRobot: add the episodes to the data set in the folder.
     fps : LeRobot: steps a second, as of the robot's cameras.

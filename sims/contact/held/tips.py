@@ -61,25 +61,30 @@ def require_apart(draft: Draft, tips_mm: FloatArray) -> None:
     InputError : more than two tips touch.
     ModelScopeError : tips are no hemispheres, or overlap.
     """
-    indenter, tips = draft.design.indenter, touching(tips_mm)
+    tips = touching(tips_mm)
     if len(tips) > MOST_TIPS:
         raise InputError(
             f"touches: {len(tips)} at once; the models know one or two; leave out {len(tips) - MOST_TIPS}"
         )
     if len(tips) < MOST_TIPS:
         return
-    if indenter.shape != "hemisphere":
-        raise ModelScopeError(
-            f"indenter.shape: {indenter.shape}; two touches are modelled for hemispheres; set it to hemisphere"
-        )
+    require_hemisphere(draft)
     apart_mm, need_mm = (
         float(np.linalg.norm(np.subtract(*_centres(draft, tips)))),
-        2.0 * indenter.tip_radius_mm,
+        2.0 * draft.design.indenter.tip_radius_mm,
     )
     if apart_mm < need_mm - 1e-6:
         raise ModelScopeError(
             f"touches: tips at ({tips[0, 0]:g}, {tips[0, 1]:g}) and ({tips[1, 0]:g}, {tips[1, 1]:g}) mm overlap: their "
             f"centres are {apart_mm:.3g} mm apart, need {need_mm:g} mm, two tip radii; move them apart"
+        )
+
+
+def require_hemisphere(draft: Draft) -> None:
+    """Raise ModelScopeError unless the design's tip is a hemisphere."""
+    if (shape := draft.design.indenter.shape) != "hemisphere":
+        raise ModelScopeError(
+            f"indenter.shape: {shape}; two touches are modelled for hemispheres; set it to hemisphere"
         )
 
 

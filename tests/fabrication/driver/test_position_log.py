@@ -13,17 +13,25 @@ import xarray as xr
 from optopad.cli import main
 from optopad.design.errors import InputError
 from optopad.fabrication.driver import Sensor
-from optopad.fabrication.driver.recording.export import read_recorded
+from optopad.fabrication.driver.recording.export import read_recorded, write_export
 from optopad.fabrication.driver.recording.joined_log import joined
 from optopad.fabrication.driver.recording.position_log import read_position_log
 from optopad.fabrication.driver.simulated.finger import demo_path
 from optopad.fabrication.driver.simulated.port import FakePort
 from optopad.sims.readings.dataset import read_data
 from tests.fabrication.driver.made_up_pad import board, pad_config
-from tests.fabrication.driver.made_up_recording import BEGUN_S, tip_path, write_log, write_recording
+from tests.fabrication.driver.made_up_recording import (
+    BEGUN_S,
+    RATE_HZ,
+    positions,
+    tip_path,
+    write_log,
+    write_recording,
+)
 from tests.said import pattern
 
 PATH = tip_path()
+TWO = "time_s,x_mm,y_mm,depth_mm,x2_mm,y2_mm,depth2_mm"
 
 
 @pytest.fixture(scope="module")
@@ -179,6 +187,39 @@ def test_sets_and_places_come_from_the_log_and_travel_belongs_to_none(
     assert found.design_digest == pad_config().digest
 
 
+def test_two_stages_are_joined_and_a_gap_of_the_second_leaves_frames_out(
+    recording: Path, tmp_path: Path
+) -> None:
+    """The second tip stays where it is, presses while the first is lifted, and is unknown for a while."""
+    steps_s = np.arange(0.0, PATH[-1, 0], 0.05)
+    first = positions(PATH, steps_s)
+    is_lifted, is_gone = first[:, 2] < -1.0, np.abs(steps_s - 3.5) < 0.51
+    second = [
+        ",,," if gone else f",24000,9000,{900 if lifted else -500}"
+        for gone, lifted in zip(is_gone, is_lifted, strict=True)
+    ]
+    rows = [
+        f"{BEGUN_S + at:.3f},{x:.4f},{y:.4f},{depth:.4f}{more}"
+        for at, (x, y, depth), more in zip(steps_s, first, second, strict=True)
+    ]
+    log = text_log(tmp_path, *rows, heading="time_s,x_mm,y_mm,depth_mm,x2_um,y2_um,depth2_um")
+    found = joined(read_recorded(recording), read_position_log(log), 0.0)
+    labels, at_s = found.recorded.labels, found.recorded.host_s - BEGUN_S
+    assert labels is not None
+    has_second = np.isfinite(labels.others_mm[:, 0, 2])
+    assert (has_second == (np.abs(at_s - 3.5) > 0.5)).all()
+    assert found.left_out == pytest.approx(
+        2 * 0.05 * RATE_HZ, abs=2
+    )  # between rows with and without the second tip
+    np.testing.assert_allclose(labels.others_mm[has_second, 0, :2], [[24.0, 9.0]] * has_second.sum())
+    write_export(found.recorded, tmp_path / "a.nc", "a")
+    with pytest.raises(InputError, match=pattern("a.csv ... two are known ... .nc")):
+        write_export(found.recorded, tmp_path / "a.csv", "a")
+    data = read_data(tmp_path / "a.nc")
+    np.testing.assert_array_equal(data.others_mm, labels.others_mm)
+    assert data.has_more.sum() == (labels.others_mm[:, 0, 2] > 0.0).sum() > 0
+
+
 def test_times_may_be_written_as_dates_and_lengths_in_other_units(tmp_path: Path) -> None:
     file = text_log(
         tmp_path,
@@ -246,6 +287,14 @@ def test_times_may_be_written_as_dates_and_lengths_in_other_units(tmp_path: Path
         ),
         ("time_s,x_mm,y_mm,depth_mm,set", ["0,1,1,1,", "1,1,1,1,"], "row belongs"),
         ("time_s,x_mm,y_mm,depth_mm,set", ["0,1,1,1,a", "1,1,1,1,a"], "has a column 'set' without"),
+        (
+            "time_s,x_mm,y_mm,depth_mm,x2_mm,y2_mm",
+            ["0,1,1,1,9,9", "1,1,1,1,9,9"],
+            "x2_mm, y2_mm alone ... depth2_mm",
+        ),
+        (f"{TWO}", ["0,1,1,1,9,9,1", "1,1,1,1,9,,1"], "row 3: y2_mm is ''"),
+        (f"{TWO}", ["0,1,1,1,9,9,1", "0.04,1,1,1,9,9,-999"], "row 3 ... -999"),
+        (f"{TWO},x3_mm", ["0,1,1,1,9,9,1,5", "1,1,1,1,9,9,1,5"], "x3_mm ... one tip or of two"),
     ],
 )
 def test_a_log_that_cannot_be_used_is_refused_by_row_and_column(

@@ -20,6 +20,7 @@ from tests.said import says
 from tests.sims.learning.pressed_pad import grid_mm, made_up_data
 
 PAD = "piacenza2017-pad"
+MAP_OF_TWO = ["pad.nc", "--learner", "signal-map", "--design", PAD, "--touches", "2"]
 
 
 @pytest.fixture(scope="module")
@@ -103,6 +104,9 @@ def test_all_learners_go_into_a_folder_with_the_designs_force(folder, capsys):
         (["pad.nc", "--design", "oblong-60x40"], "of design"),
         (["pad.nc", "--set", "cavity.clear_thickness_mm=9"], "--set: changes a design"),
         (["pad.nc", "--learner", "all", "--out", "one.optomodel"], "one.optomodel"),
+        (["pad.nc", "--touches", "3"], "touches: 3 is refused; the models know one or two"),
+        (["pad.nc", "--touches", "2"], "--touches: 2 is refused for --learner extra-trees"),
+        ([*MAP_OF_TWO, "--set", "indenter.shape=cone"], "indenter.shape: cone"),
     ],
 )
 def test_what_cannot_be_trained_is_refused_by_name(folder, capsys, arguments, words):
@@ -131,6 +135,33 @@ def test_a_trained_model_is_evaluated_on_presses_and_its_files_are_named(folder,
     json.loads(capsys.readouterr().out)
     names = {path.name for path in (folder / "found").iterdir()}
     assert {"evaluation.json", "evaluation.html"} <= names
+
+
+def test_frames_of_two_touches_are_left_out_by_models_of_one_with_the_way_out(folder, data, capsys):
+    others = np.full((len(data), 1, 3), np.nan)
+    others[-40:] = [26.0, 26.0, 1.0]
+    press_mm = data.press_mm.copy()
+    press_mm[-40:] = [6.0, 6.0, 1.0]
+    more = replace(data, others_mm=others, press_mm=press_mm)
+    save_data(more, folder / "two.nc")
+    assert main(["train", "two.nc", "--learner", "kernel-ridge", "--effort", "quick", "--json"]) == 0
+    trained = json.loads(capsys.readouterr().out)
+    assert trained["data"]["samples"] == len(data) - 40
+    note = (
+        f"40 of {len(data)} frames have two touches and are left out ... --learner signal-map ... --touches 2"
+    )
+    assert says(trained["notes"][-1], note)
+    assert main(["evaluate", "two.nc", "--model", "two-kernel-ridge.optomodel", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert "touches" not in found
+    assert says(
+        " ".join(found["notes"]), f"40 of {len(data)} frames ... kernel-ridge knows one touch ... --touches 2"
+    )
+    assert "40 of" in " ".join(calibrate_notes(folder / "two.nc"))
+    save_data(more.only(more.has_more), folder / "only.nc")
+    assert "0 of 40 samples" in refused(
+        ["evaluate", "only.nc", "--model", "two-kernel-ridge.optomodel"], capsys
+    )
 
 
 @pytest.mark.slow

@@ -10,6 +10,7 @@ from optopad.design.preset import preset
 from optopad.design.shape.outline import rectangle
 from optopad.screen.prediction import PredictedAccuracy, accuracy_lines, accuracy_of
 from optopad.sims.learning.tables import JudgedPresses, published_touch
+from optopad.sims.two_touch_errors import PairRow, TwoTouchErrors
 from optopad.verbs.evaluate import write_accuracy
 from tests.said import says
 
@@ -34,14 +35,32 @@ def found_accuracy(**changes) -> PredictedAccuracy:
 @pytest.mark.slow
 def test_a_bound_that_is_open_is_null_in_json_and_a_word_for_people(tmp_path):
     bounds = {0.1: (np.inf, np.inf), 1.0: (0.02, 0.01)}
-    found = found_accuracy(bound_mm=bounds, published=published_touch(preset("piacenza2017-pad")))
+    rows = (
+        PairRow(
+            from_mm=6.0, to_mm=7.5, frames=40, found=0.975, location_mm=(0.125, 0.5), depth_mm=(0.0625, 0.25)
+        ),
+        PairRow(from_mm=18.0, to_mm=np.inf, frames=8, found=0.0, location_mm=None, depth_mm=None),
+    )
+    two = TwoTouchErrors(
+        learner="signal-map", radius_mm=3.0, rows=rows, single_frames=200, called=(0.005, 0.985, 0.01)
+    )
+    found = found_accuracy(
+        bound_mm=bounds, published=published_touch(preset("piacenza2017-pad")), touches=(two,)
+    )
     write_accuracy(found, SPACE, tmp_path / "new" / "folder", "prediction")
     document = json.loads((tmp_path / "new" / "folder" / "prediction.json").read_text(encoding="utf-8"))
     assert document["bound_mm"][0] == {"depth_mm": 0.1, "location": None, "depth": None}
     assert document["bound_mm"][1]["location"] == 0.02
-    assert "open" in "\n".join(accuracy_lines(found))
+    assert [row["second_found"] for row in document["touches"][0]["separations"]] == [0.975, 0.0]
+    text = "\n".join(accuracy_lines(found))
+    assert "open" in text
+    assert says(
+        text, "6 to 7.5 ... 2 to 2.5 ... 97.5% ... 0.125 ... 0.500 ... 0.062 ... 0.250 ... 40\n  18 and more"
+    )
+    assert says(text, "98.5% called one, 1.0% two, 0.5% none, of 200 frames")
     page = (tmp_path / "new" / "folder" / "prediction.html").read_text(encoding="utf-8")
     assert '<td class="number">open</td>' in page
+    assert says(page, '<a href="#touches">Two touches ... <th scope="row">18 and more</th> ... 98.5%')
     assert "inf" not in json.dumps(document)
 
 
@@ -58,6 +77,7 @@ def test_a_classifier_with_false_alarms_is_a_finding_on_the_screen_the_page_and_
     assert (document["false_alarms"], document["false_alarm_limit"]) == (1.0, 0.05)
     assert document["models"][0]["false_alarms"] == 1.0
     page = (tmp_path / "prediction.html").read_text(encoding="utf-8")
+    assert 'id="touches"' not in page
     assert "random-dark are classified" in page
     assert 'class="verdict deadband"' in page
 

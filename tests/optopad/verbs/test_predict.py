@@ -80,12 +80,30 @@ def test_a_deep_press_is_told_better_than_one_that_barely_touches(predicted):
     assert {row.depth_mm: row.right for row in found.found[0].touch}[-0.4] >= 0.75
 
 
+@pytest.mark.slow
+def test_a_signal_map_of_two_touches_is_judged_by_the_distance_between_them(small_protocol, tmp_path):
+    design = preset("gripper-stadium")
+    made = predict(design, learners=["signal-map"], protocol=str(small_protocol), touches=2, out=tmp_path)
+    (found,) = made.to_json()["touches"]
+    rows = found["separations"]
+    assert (rows[0]["from_mm"], rows[0]["from_radii"]) == (2 * design.indenter.tip_radius_mm, 2.0)
+    assert rows[-1]["to_mm"] is None
+    assert rows[-1]["second_found"] >= 0.9
+    assert rows[-1]["location_mm"]["median"] < design.indenter.tip_radius_mm / 3
+    assert found["single"]["called"]["one"] >= 0.95
+    page = (made.folder / "sims" / "prediction.html").read_text(encoding="utf-8")
+    assert '<section id="touches"' in page
+    assert any("called one" in line for line in made.screen())
+
+
 def test_what_contradicts_or_is_unknown_is_refused_before_any_light(capsys, tmp_path):
     cases = {
         ("--quick", "--full"): "contradict",
         ("--learner", "oracle"): "'oracle' is no learner",
         ("--draws", "0"): "--draws: 0 is refused",
         ("--protocol", "piacenza2018"): "no such protocol",
+        ("--touches", "3"): "touches: 3 is refused; the models know one or two",
+        ("--touches", "2", "--set", "indenter.shape=cone"): "indenter.shape: cone; two touches",
     }
     for options, words in cases.items():
         assert main(["predict", "piacenza2017-pad", "--out", str(tmp_path), *options]) == 2

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import tracemalloc
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -68,11 +69,19 @@ def made_up(places: int = 2, depths: int = 3) -> PressData:
 
 
 def assert_same(left: PressData, right: PressData) -> None:
-    for name in ("counts", "press_mm", "time_s", "set_number", "place_number", "true_press_mm"):
+    for name in ("counts", "press_mm", "time_s", "set_number", "place_number", "true_press_mm", "others_mm"):
         np.testing.assert_array_equal(getattr(left, name), getattr(right, name), err_msg=name)
     for name in ("sets", "state_names", "receiver_names", "full_scale_counts", "design_digest"):
         assert getattr(left, name) == getattr(right, name)
     assert dict(left.attributes) == dict(right.attributes)
+
+
+def with_others(data: PressData) -> PressData:
+    """Every third sample has another tip, one of them two; the others have none."""
+    others = np.full((len(data), 2, 3), np.nan)
+    others[::3, 0] = data.press_mm[::3] + np.array([9.0, 0.0, 2.5])
+    others[3, 1] = data.press_mm[3] + np.array([0.0, 9.0, 2.5])
+    return replace(data, others_mm=others)
 
 
 def one_press(data: PressData, set_number: int, place: int) -> PressData:
@@ -82,6 +91,26 @@ def one_press(data: PressData, set_number: int, place: int) -> PressData:
 def test_a_file_gives_back_what_was_written(tmp_path: Path) -> None:
     data = made_up()
     assert_same(read_data(save_data(data, tmp_path / "set.nc")), data)
+
+
+def test_further_tips_are_written_and_read_in_any_unit(tmp_path: Path) -> None:
+    data = with_others(made_up())
+    np.testing.assert_array_equal(data.touch_count[:6], [1, 0, 1, 2, 0, 1])
+    np.testing.assert_array_equal(data.has_more[:6], [True, False, False, True, False, False])
+    assert_same(read_data(save_data(data, tmp_path / "set.nc")), data)
+    with xr.open_dataset(tmp_path / "set.nc", engine="h5netcdf") as held:
+        assert held["others"].dims == ("time", "other", "axis")
+        assert held["axis"].values.tolist() == ["x", "y", "depth"]
+        other = held.load()
+    other["others"] = (1e3 * other["others"].transpose("axis", "time", "other")).assign_attrs(units="um")
+    other.to_netcdf(tmp_path / "um.nc", engine="h5netcdf")
+    np.testing.assert_allclose(read_data(tmp_path / "um.nc").others_mm, data.others_mm, rtol=1e-12)
+    nowhere = replace(data, others_mm=np.full_like(data.others_mm, np.nan))
+    with xr.open_dataset(save_data(nowhere, tmp_path / "none.nc"), engine="h5netcdf") as held:
+        assert "others" not in held
+    found = read_recording(tmp_path / "set.nc")  # which compares one press at a time
+    np.testing.assert_array_equal(found.counts["E2-R3"], data.features()[~data.has_more, 5])
+    assert "4 of 12 frames have two touches" in " ".join(found.notes)
 
 
 def test_features_have_the_off_state_taken_away_and_the_emitter_outermost() -> None:
@@ -154,8 +183,11 @@ def test_travel_retraction_and_jitter_are_no_presses(tmp_path: Path) -> None:
     assert not facts["is_simulated"]
 
 
-def test_presses_added_one_by_one_make_the_same_file(tmp_path: Path) -> None:
-    data = made_up()
+@pytest.mark.parametrize("change", [lambda data: data, with_others])
+def test_presses_added_one_by_one_make_the_same_file(
+    change: Callable[[PressData], PressData], tmp_path: Path
+) -> None:
+    data = change(made_up())
     with DataWriter(tmp_path / "set.nc", header_of(data), asked={"seed": 3}) as writer:
         for set_number, place in ((0, 0), (0, 1), (1, 0), (1, 1)):
             assert not (tmp_path / "set.nc").exists()
@@ -274,6 +306,8 @@ def test_files_of_one_sensor_join_and_others_are_refused() -> None:
     assert len(both) == 2 * len(data)
     assert both.sets == SETS + SETS
     np.testing.assert_array_equal(both.set_number[len(data) :], data.set_number + 2)
+    more = joined([data, with_others(data)])
+    np.testing.assert_array_equal(more.has_more, [*[False] * len(data), *with_others(data).has_more])
     with pytest.raises(InputError, match="design_digest of file 2"):
         joined([data, replace(data, design_digest="cd" * 32)])
 
@@ -297,6 +331,11 @@ def test_clipped_channels_are_named_worst_first() -> None:
         ({"press_mm": np.zeros((12, 2))}, "press_mm ... (12, 2) ... (12, 3)"),
         ({"set_number": np.full(12, 2)}, "set_number runs from 2 to 2, there are 2 sets"),
         ({"time_s": np.full(12, np.nan)}, "time_s ... 12 of 12 ... sample 1"),
+        ({"others_mm": np.zeros((3, 1, 3))}, "others_mm ... (3, 1, 3) ... (12, 1, 3)"),
+        (
+            {"others_mm": np.tile([16.0, np.nan, 1.0], (12, 1, 1))},
+            "others: 12 tips ... sample 1: 16, nan, 1 mm",
+        ),
     ],
 )
 def test_data_that_cannot_be_are_refused_by_name(change: dict[str, object], message: str) -> None:

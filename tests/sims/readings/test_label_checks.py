@@ -16,6 +16,7 @@ from optopad.design.preset import PRESETS, preset
 from optopad.sims.readings.dataset import PressData, data_notes, read_data, save_data
 from optopad.sims.readings.label_checks import require_true_labels
 from optopad.sims.readings.recording import read_recording
+from tests.said import pattern
 from tests.sims.learning.pressed_pad import field_counts, grid_mm, made_up_data
 
 PAD = preset("piacenza2017-pad")
@@ -95,6 +96,44 @@ def test_every_verb_of_data_refuses_them_in_one_line_and_writes_nothing(
     assert said.out == ""
     assert "a.nc: press_" in said.err
     assert [path.name for path in tmp_path.iterdir() if path.is_file()] == ["a.nc"]
+
+
+def two_tips(other_mm: list[float], press_mm: list[float] | None = None) -> PressData:
+    """The good data, with another tip in the last frames, in which the first one is at `press_mm`."""
+    others, press = np.full((len(GOOD), 1, 3), np.nan), GOOD.press_mm.copy()
+    others[-20:, 0] = other_mm
+    press[-20:] = press_mm or [10.0, 10.0, 1.0]
+    return replace(GOOD, press_mm=press, others_mm=others)
+
+
+@pytest.mark.parametrize(
+    ("other_mm", "said"),
+    [
+        (
+            [14.0, 10.0, 1.0],
+            "20 of 20 frames ... overlap ... (10, 10) and (14, 10) mm, their centres 4.00 mm ... two tip radii, 6 mm",
+        ),
+        ([40.0, 10.0, 1.0], "others: 20 of 40 ... outside the cavity ... (40, 10)"),
+        ([20.0, 10.0, 1000.0], "others: ... 1000 mm ... millimetres"),
+        ([-999.0, -999.0, -999.0], "others 1, x: 20 of ... -999"),
+    ],
+)
+def test_further_tips_that_cannot_be_are_refused(other_mm: list[float], said: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=pattern(said)):
+        read_data(save_data(two_tips(other_mm), tmp_path / "a.nc"))
+
+
+def test_a_tip_that_is_lifted_may_be_anywhere_and_depths_of_two_touches_have_any_signals(
+    tmp_path: Path,
+) -> None:
+    lifted = two_tips([12.0, 10.0, -3.0])
+    assert not read_data(save_data(lifted, tmp_path / "a.nc")).has_more.any()
+    turned = two_tips(
+        [20.0, 10.0, 1.0], [10.0, 10.0, -4.0]
+    )  # the first is lifted, the signals are those of the other
+    assert read_data(save_data(turned, tmp_path / "b.nc")).has_more.sum() == 20
+    unknown = replace(two_tips([12.0, 10.0, 1.0]), design_digest=None)  # of any radius
+    assert read_data(save_data(unknown, tmp_path / "c.nc")).touch_count.max() == 2
 
 
 @pytest.mark.parametrize("name", PRESETS)

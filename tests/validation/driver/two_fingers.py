@@ -33,6 +33,7 @@ from optopad.sims.learning.inference.signal_map import SignalMapModel
 from optopad.sims.learning.together_fit import fit_together
 from optopad.sims.learning.traced_map import SignalMap, measured_error, traced_map
 from optopad.sims.plots.style import BLUE, GREEN, GREY, INK, PALE_ORANGE, VERMILLION, plain_style, svg_text
+from optopad.sims.touches_score import TouchesScore, score_touches
 from tests.validation.driver.slip_frames import (
     FINE_DEPTHS,
     FINE_PITCH_MM,
@@ -129,7 +130,9 @@ def crossing(nearest_mm: float = NEAREST_MM, depth_mm: float = DEPTH_MM) -> Fing
 def tracked(touches: list[Touch]) -> tuple[FloatArray, IntArray, FloatArray]:
     """Time [s], number and x, y, depth [mm] of every contact."""
     rows = [
-        (touch.frame.device_us / 1e6, one.number, *one.press_mm) for touch in touches for one in touch.contacts
+        (touch.frame.device_us / 1e6, one.number, *one.press_mm)
+        for touch in touches
+        for one in touch.contacts
     ]
     table = np.array(rows).reshape(-1, 5)
     return table[:, 0], table[:, 1].astype(np.int64), table[:, 2:]
@@ -145,7 +148,9 @@ def plot_places(path: FingerPath, touches: list[Touch], two_point_mm: float, ax:
         ax.plot(*place[mine, :2].T, ".", ms=3.5, color=COLOURS.get(int(one), GREY), label=f"touch {one}")
     low = MIDDLE_MM - two_point_mm / 2
     ax.errorbar(MIDDLE_MM, MIDDLE_MM, two_point_mm / 2, color=GREEN, capsize=4, lw=1.2)
-    ax.text(MIDDLE_MM + 0.4, low + 0.25 * two_point_mm, f"two-point limit\n{two_point_mm:.1f} mm", color=GREEN)
+    ax.text(
+        MIDDLE_MM + 0.4, low + 0.25 * two_point_mm, f"two-point limit\n{two_point_mm:.1f} mm", color=GREEN
+    )
     ax.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal", ylim=(MIDDLE_MM - 6.0, MIDDLE_MM + 6.0))
     ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncol=3)
 
@@ -157,7 +162,9 @@ def plot_distance(path: FingerPath, touches: list[Touch], two_point_mm: float, a
     both = (tips[..., 2] > 0.0).all(axis=1)
     ax.plot(time_s[both], np.linalg.norm(tips[both, 0, :2] - tips[both, 1, :2], axis=1), color=INK, lw=0.8)
     two = [(t, touch) for t, touch in zip(time_s, touches, strict=True) if len(touch.contacts) == 2]
-    apart = [np.linalg.norm(np.diff([one.press_mm[:2] for one in touch.contacts], axis=0)) for _, touch in two]
+    apart = [
+        np.linalg.norm(np.diff([one.press_mm[:2] for one in touch.contacts], axis=0)) for _, touch in two
+    ]
     ax.plot([t for t, _ in two], apart, ".", ms=3.0, color=BLUE)
     for t, touch in zip(time_s, touches, strict=True):
         if len(touch.contacts) == 1:
@@ -173,3 +180,35 @@ def figure(path: FingerPath, touches: list[Touch], two_point_mm: float) -> Figur
     plot_places(path, touches, two_point_mm, upper)
     plot_distance(path, touches, two_point_mm, lower)
     return made
+
+
+def limit_mm(score: TouchesScore, depth_mm: float = DEPTH_MM) -> float:
+    """Least separation at which touches of this depth, one above the other in the middle of the pad, are resolved."""
+    place = int(np.linalg.norm(score.places_mm - MIDDLE_MM, axis=1).argmin())
+    direction, depth = score.directions_deg.index(90.0), int(np.abs(score.depth_mm - depth_mm).argmin())
+    return float(score.least_mm[place, direction, depth])
+
+
+def main() -> None:
+    """Draw the figure, and print what it shows."""
+    pad, path = prepared(), crossing()
+    touches = pad.read(path)
+    two_point_mm = limit_mm(score_touches(Draft.of(preset(NAME))))
+    with plain_style():
+        made = figure(path, touches, two_point_mm)
+    write_text_atomically(FILE, svg_text(made, "two-fingers"))
+    print(f"{FILE}: two-point limit {two_point_mm:.2f} mm; {summary(path, touches)}")
+
+
+def summary(path: FingerPath, touches: list[Touch]) -> str:
+    """Share of frames of two fingers with two touches, numbers, and errors of location."""
+    tips = path.at(np.array([touch.frame.device_us / 1e6 for touch in touches]))
+    both = (tips[..., 2] > 0.9 * DEPTH_MM).all(axis=1)
+    found = [touch for touch, is_both in zip(touches, both, strict=True) if is_both]
+    two = [len(touch.contacts) == 2 for touch in found]
+    numbers = sorted({one.number for touch in found for one in touch.contacts})
+    return f"{np.mean(two):.1%} of {len(two)} frames of both have two touches, numbered {numbers}"
+
+
+if __name__ == "__main__":
+    main()
