@@ -56,22 +56,23 @@ def rows(name: str, rays: int = RAYS, count: int = BATCHES) -> Iterator[list[str
     made = tops_of_tips(draft, scene, tips).made
     tops = [made(state) for state in range(len(tips))]
     batches = oracle_batches(f"{name}-tips", scene, tips[:, 0, :2], tops, rays, count)
+    seen = batches.mean(axis=0).sum(axis=(1, 2))
     light = trace(draft, tips, accuracy=ACCURACY)
-    bright = light.flux[0] >= DIM * light.flux[0].max()
+    untouched = light.flux[0]
+    bright = untouched >= DIM * untouched.max()
     for state, (one, other) in enumerate(tips[1:], start=1):
         row = compared(light.flux, light.standard_error, light.flux, batches, state, rays)
+        every = light.flux[state].sum() / seen[state] - 1.0
         counted = np.sqrt(light.flux[state] / (rays * count))
-        off = np.stack([light.flux[state] - light.flux[0], counted, light.standard_error[state]])
+        shares = np.array([light.flux[state] - untouched, counted, light.standard_error[state]]) / untouched
         yield [
             name,
             "; ".join(", ".join(f"{value:g}" for value in tip) for tip in (one, other)),
             f"{np.hypot(*(one - other)[:2]) / radius:.1f}",
             f"{row.worst:.1f}",
             f"{row.spread:.2f}",
-            *(
-                f"{100.0 * share:.2f}"
-                for share in np.sqrt(np.mean((off / light.flux[0])[:, bright] ** 2, axis=1))
-            ),
+            f"{100.0 * every:+.2f}, {100.0 / np.sqrt(seen[state] * rays * count):.2f}",
+            *(f"{100.0 * np.sqrt(np.mean(share[bright] ** 2)):.2f}" for share in shares),
         ]
 
 
