@@ -9,7 +9,6 @@ from functools import cache
 import numpy as np
 import pytest
 
-from optopad.design.arrays import FloatArray
 from optopad.design.draft import Draft
 from optopad.design.errors import InputError, ModelScopeError
 from optopad.design.preset import preset
@@ -123,17 +122,3 @@ def test_a_single_touch_has_the_light_of_the_map_and_overlaps_are_refused() -> N
         changes_together(draft(), np.array([[[12.0, 14.0, 1.0], [15.0, 14.0, 1.0]]]))
     with pytest.raises(InputError, match="presses_mm"):
         touch_ratios(draft(), known, press)
-
-
-@pytest.mark.slow
-def test_what_two_touches_share_is_exchanged_to_the_bit_and_small_far_apart() -> None:
-    pad, radius = draft(SMALL), draft(SMALL).design.indenter.tip_radius_mm
-    x, y = pad.plan.centre_mm
-    near, far = (
-        np.array([[x - one, y, 0.4 * radius], [x + one, y, 0.3 * radius]])
-        for one in (1.02 * radius, 3.0 * radius)
-    )
-    (found,) = changes_together(pad, np.stack([near, near[::-1], far]), accuracy="draft")
-    np.testing.assert_array_equal(found[0], found[1])
-    sizes: FloatArray = np.sqrt((found**2).mean(axis=1))
-    assert 0.001 < sizes[2] < sizes[0] < 0.1
