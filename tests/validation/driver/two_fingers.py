@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Circle
 
 from optopad.design.arrays import FloatArray, IntArray
 from optopad.design.draft import Draft
@@ -32,7 +33,7 @@ from optopad.sensor import simulated_gain
 from optopad.sims.learning.inference.signal_map import SignalMapModel
 from optopad.sims.learning.together_fit import fit_together
 from optopad.sims.learning.traced_map import SignalMap, measured_error, traced_map
-from optopad.sims.plots.style import BLUE, GREEN, GREY, INK, PALE_ORANGE, VERMILLION, plain_style, svg_text
+from optopad.sims.plots.style import BLUE, GREEN, GREY, INK, VERMILLION, WIDTH_IN, plain_style, svg_text
 from optopad.sims.touches_score import TouchesScore, score_touches
 from tests.validation.driver.slip_frames import (
     FINE_DEPTHS,
@@ -49,7 +50,9 @@ NEAREST_MM, DEPTH_MM, SPEED_MM_S = 6.1, 1.0, 15.0
 REST_S, IN_S, HELD_S = 1.2, 0.3, 0.3
 FROM_MM, TO_MM, MIDDLE_MM = 8.0, 24.0, 16.0
 BOOT_S = 0.2
-COLOURS = {1: BLUE, 2: VERMILLION}
+RADIUS_MM = 3.0
+COLOURS = {1: (BLUE, "o"), 2: (VERMILLION, "^")}
+"""Colour and mark of each number."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,19 +142,18 @@ def tracked(touches: list[Touch]) -> tuple[FloatArray, IntArray, FloatArray]:
 
 
 def plot_places(path: FingerPath, touches: list[Touch], two_point_mm: float, ax: Axes) -> None:
-    """Tracks of both touches over the true strokes, seen from above."""
+    """Tracks of both touches over the true strokes, seen from above, with both tips where they are nearest."""
     _, number, place = tracked(touches)
-    for k, tip in enumerate(np.moveaxis(path.press_mm, 1, 0)):
-        ax.plot(*tip[tip[:, 2] > 0.0, :2].T, color=INK, lw=0.8, label="true strokes" if k == 0 else None)
-    for one in np.unique(number):
+    for tip, y_mm in zip(np.moveaxis(path.press_mm, 1, 0), (-NEAREST_MM / 2, NEAREST_MM / 2), strict=True):
+        (stroke,) = ax.plot(*tip[tip[:, 2] > 0.0, :2].T, color=INK, lw=0.8)
+        ax.add_patch(Circle((MIDDLE_MM, MIDDLE_MM + y_mm), RADIUS_MM, fill=False, color=GREY, lw=0.8))
+    stroke.set_label("true")
+    for one, (colour, mark) in COLOURS.items():
         mine = number == one
-        ax.plot(*place[mine, :2].T, ".", ms=3.5, color=COLOURS.get(int(one), GREY), label=f"touch {one}")
-    low = MIDDLE_MM - two_point_mm / 2
+        ax.plot(*place[mine, :2].T, mark, ms=3.0, color=colour, label=f"touch {one}")
     ax.errorbar(MIDDLE_MM, MIDDLE_MM, two_point_mm / 2, color=GREEN, capsize=4, lw=1.2)
-    ax.text(
-        MIDDLE_MM + 0.4, low + 0.25 * two_point_mm, f"two-point limit\n{two_point_mm:.1f} mm", color=GREEN
-    )
-    ax.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal", ylim=(MIDDLE_MM - 6.0, MIDDLE_MM + 6.0))
+    ax.text(MIDDLE_MM + 3.2, MIDDLE_MM, f"two-point limit {two_point_mm:.1f} mm", color=GREEN, va="center")
+    ax.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal", xlim=(6.0, 26.0), ylim=(9.0, 23.0))
     ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncol=3)
 
 
@@ -160,23 +162,23 @@ def plot_distance(path: FingerPath, touches: list[Touch], two_point_mm: float, a
     time_s = np.array([touch.frame.device_us / 1e6 for touch in touches])
     tips = path.at(time_s)
     both = (tips[..., 2] > 0.0).all(axis=1)
-    ax.plot(time_s[both], np.linalg.norm(tips[both, 0, :2] - tips[both, 1, :2], axis=1), color=INK, lw=0.8)
-    two = [(t, touch) for t, touch in zip(time_s, touches, strict=True) if len(touch.contacts) == 2]
-    apart = [
-        np.linalg.norm(np.diff([one.press_mm[:2] for one in touch.contacts], axis=0)) for _, touch in two
+    true_mm = np.linalg.norm(tips[:, 0, :2] - tips[:, 1, :2], axis=1)
+    ax.plot(time_s[both], true_mm[both], color=INK, lw=0.8, label="true")
+    found = [
+        (t, float(np.linalg.norm(touch.contacts[0].press_mm[:2] - touch.contacts[1].press_mm[:2])))
+        for t, touch in zip(time_s, touches, strict=True)
+        if len(touch.contacts) == 2
     ]
-    ax.plot([t for t, _ in two], apart, ".", ms=3.0, color=BLUE)
-    for t, touch in zip(time_s, touches, strict=True):
-        if len(touch.contacts) == 1:
-            ax.axvline(t, color=PALE_ORANGE, lw=1.5, zorder=-1)
-    ax.axhline(two_point_mm, color=GREEN, lw=1.2)
+    ax.plot(*np.array(found).T, ".", ms=3.0, color=BLUE, label="found")
+    ax.axhline(two_point_mm, color=GREEN, lw=1.2, ls="--", label="two-point limit")
     ax.set(xlabel="time [s]", ylabel="distance of both [mm]", ylim=(0.0, None))
+    ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncol=3)
 
 
 def figure(path: FingerPath, touches: list[Touch], two_point_mm: float) -> Figure:
     """Both plots."""
-    made = Figure(figsize=(5.2, 5.4), layout="constrained")
-    upper, lower = made.subplots(2, 1, height_ratios=(1.5, 1.0))
+    made = Figure(figsize=(WIDTH_IN, 6.2), layout="constrained")
+    upper, lower = made.subplots(2, 1, height_ratios=(1.9, 1.0))
     plot_places(path, touches, two_point_mm, upper)
     plot_distance(path, touches, two_point_mm, lower)
     return made
