@@ -10,7 +10,6 @@ and through drift tracking, model and track numbers.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -26,13 +25,14 @@ from optopad.fabrication.driver import Sensor
 from optopad.fabrication.driver.simulated.board import FakeBoard
 from optopad.fabrication.driver.simulated.finger import HOVER_MM, FingerPath
 from optopad.fabrication.driver.simulated.port import FakePort
+from optopad.fabrication.driver.simulated.press_table import SplineTable
 from optopad.fabrication.driver.touch_reader import Touch, TouchReader
 from optopad.fabrication.driver_config import driver_config
 from optopad.fabrication.driver_file import DriverConfig
 from optopad.sensor import simulated_gain
 from optopad.sims.learning.inference.signal_map import SignalMapModel
 from optopad.sims.learning.together_fit import fit_together
-from optopad.sims.learning.traced_map import SignalMap, measured_error, traced_map
+from optopad.sims.learning.traced_map import measured_error, traced_map
 from optopad.sims.plots.style import BLUE, GREEN, GREY, INK, VERMILLION, WIDTH_IN, plain_style, svg_text
 from optopad.sims.touches_score import TouchesScore, score_touches
 from tests.validation.driver.slip_frames import (
@@ -56,46 +56,16 @@ COLOURS = {1: (BLUE, "o"), 2: (VERMILLION, "^")}
 
 
 @dataclass(frozen=True, kw_only=True)
-class MapLight:
-    """Signals of a pad under several fingers by a map of its light, as the simulated board needs them.
-
-    Attributes
-    ----------
-    known : map of the light
-    gains : (receiver,) reading of each receiver if it got all of an emitter's power [counts]
-    """
-
-    known: SignalMap
-    gains: FloatArray
-    knows_presses = True
-
-    @cached_property
-    def untouched(self) -> FloatArray:
-        """Signals of the untouched pad, shape (emitters, receivers) [counts]."""
-        return np.asarray(self.known.untouched.reshape(self.known.flux.shape[3:]) * self.gains)
-
-    def together(self, tips: FloatArray) -> FloatArray:
-        """Signals while several tips (tip, 3) press at a time, shape (emitters, receivers) [counts]."""
-        touching = tips[tips[:, 2] > 0.0]
-        ratio = self._root.values(touching).prod(axis=0) ** 2
-        return np.asarray(self.untouched * ratio.reshape(self.untouched.shape))
-
-    @cached_property
-    def _root(self):  # type: ignore[no-untyped-def]
-        return self.known.ratio_root
-
-
-@dataclass(frozen=True, kw_only=True)
 class TwoFingers:
     """The paper's pad with a simulated board, and a model that knows two touches."""
 
     config: DriverConfig
-    light: MapLight
+    light: SplineTable
     model: SignalMapModel
 
     def read(self, path: FingerPath) -> list[Touch]:
         """The touches of one round of a path, through port, driver and model."""
-        board = FakeBoard(self.config, self.light, path)  # type: ignore[arg-type]
+        board = FakeBoard(self.config, self.light, path)
         with FakePort(board) as port, Sensor(self.config, port.name, baseline_s=0.0) as sensor:
             found = list(TouchReader(sensor, self.model, touches=2).touches(seconds=float(path.time_s[-1])))
         return [touch for touch in found if touch.frame.device_us < 1e6 * path.time_s[-1]]
@@ -112,7 +82,10 @@ def prepared() -> TwoFingers:
     config = driver_config(design, gain.counts_per_flux, gain.untouched_readings(design))
     return TwoFingers(
         config=replace(config, board=replace(config.board, boot_s=BOOT_S)),
-        light=MapLight(known=truth, gains=np.array(gain.counts_per_flux)),
+        light=SplineTable(
+            untouched=truth.untouched.reshape(truth.flux.shape[3:]) * np.array(gain.counts_per_flux),
+            ratio_root=truth.ratio_root,
+        ),
         model=fit_together(Draft.of(design), model, known),
     )
 
