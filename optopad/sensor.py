@@ -206,20 +206,22 @@ def source_of(design: SensorDesign, out: Path) -> DriverSource:
     return DriverSource(config=_config(design, None), design=design, bundle=None)
 
 
-def fitting_model(file: Path, config: DriverConfig) -> TouchModel:
-    """A trained model of a sensor; other files are refused before a port is opened.
+def fitting_model(file: Path, config: DriverConfig, touches: int = 1) -> TouchModel:
+    """A trained model of a sensor that finds so many touches; other files are refused before a port is opened.
 
     Raises
     ------
-    InputError : the file is not a model, or is a model of another design; the message names the file.
+    InputError : the file is not a model, or is a model of another design or of one touch; the message names the file.
     """
     from optopad.fabrication.driver.descriptor import descriptor_of
-    from optopad.fabrication.driver.touch_reader import require_fits
+    from optopad.fabrication.driver.touch_reader import require_fits, require_number, require_touches
     from optopad.sims.learning.inference.model_file import load_model
 
+    require_number(touches)
     model = load_model(file)
     try:
         require_fits(model.header, descriptor_of(config))
+        require_touches(model, touches)
     except InputError as err:
         raise InputError(f"{file}: {err}") from None
     return model

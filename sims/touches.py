@@ -17,17 +17,11 @@ import numpy as np
 from optopad.design.arrays import FloatArray
 from optopad.design.draft import Draft
 from optopad.design.errors import InputError
-from optopad.sims.contact.held.tips import MOST_TIPS, pressed_tips, require_apart
-from optopad.sims.contact.scope import contact_of
-from optopad.sims.held import light_of_tops, require_traced
+from optopad.sims.contact.held.tips import MOST_TIPS
 from optopad.sims.learning.traced_map import SignalMap
 from optopad.sims.optics.accuracy import Accuracy
-from optopad.sims.optics.engine.threads import run_each
-from optopad.sims.press import GridTop
+from optopad.sims.optics.tracing import trace
 from optopad.sims.verdict.presses import untouched_flux
-
-WINDOW = 32
-"""States whose tops are held in memory together; each has 1 to 3 MB."""
 
 
 def touch_ratios(
@@ -63,7 +57,12 @@ def touch_ratios(
     both = np.flatnonzero(is_touching.all(axis=1))
     if len(both):
         (more,) = changes_together(
-            draft, known, presses[both], seeds=(seed,), accuracy=accuracy, on_step=on_step
+            draft,
+            presses[both],
+            untouched=known.untouched,
+            seeds=(seed,),
+            accuracy=accuracy,
+            on_step=on_step,
         )
         found[both] += more
     return np.asarray(np.maximum(found, 0.0))
@@ -71,59 +70,51 @@ def touch_ratios(
 
 def changes_together(
     draft: Draft,
-    known: SignalMap,
     presses_mm: FloatArray,
     *,
+    untouched: FloatArray | None = None,
     seeds: Sequence[int] = (0,),
     accuracy: str | Accuracy = "score",
     on_step: Callable[[int, int], None] | None = None,
 ) -> FloatArray:
-    """What the light of two touches (n, 2, 3) has in addition to the product of both, over the map's untouched light.
+    """What the light of two touches (n, 2, 3) has in addition to the product of both, over untouched light.
+
+    Parameters
+    ----------
+    untouched : (pair,) untouched light; None is the pad's own. A map's is higher for faint pairs
 
     Returns
     -------
     (seed, n, pair), from one trace for each seed. Errors are those of `touch_ratios`.
     """
-    require_traced(draft)
-    for tips in presses_mm:
-        require_apart(draft, tips)
     single, number = np.unique(presses_mm.reshape(-1, 3), axis=0, return_inverse=True)
-    states = [*single[:, None], *presses_mm]
+    alone = np.pad(single[:, None], ((0, 0), (0, MOST_TIPS - 1), (0, 0)))
+    states = np.concatenate([alone, presses_mm])
     light = _grid_light(draft, states, seeds=seeds, accuracy=accuracy, on_step=on_step)
     alone = light[:, : len(single)][:, np.reshape(number, (-1, MOST_TIPS))]
-    share = untouched_flux(draft, seed=seeds[0]).ravel() / known.untouched  # below 1 in faint pairs
-    return np.asarray((light[:, len(single) :] - alone.prod(axis=2)) * np.minimum(share, 1.0))
+    found = light[:, len(single) :] - alone.prod(axis=2)
+    if untouched is not None:
+        found *= np.minimum(untouched_flux(draft, seed=seeds[0]).ravel() / untouched, 1.0)
+    return np.asarray(found)
 
 
 def _grid_light(
     draft: Draft,
-    states: Sequence[FloatArray],
+    tips_mm: FloatArray,
     *,
     seeds: Sequence[int],
     accuracy: str | Accuracy,
     on_step: Callable[[int, int], None] | None,
 ) -> FloatArray:
-    """Light over untouched light (seed, state, pair) of tips (tip, 3), by the method for grids; 0 without light."""
-    contact, parts = contact_of(draft.design), []
-    for start in range(0, len(states), WINDOW):
-        few = states[start : start + WINDOW]
-        tops: list[GridTop | None] = [None] * len(few)
+    """Light over untouched light (seed, state, pair) of tips (state, tip, 3), on grids; 0 without light."""
+    each = []
+    for number, seed in enumerate(seeds):
 
-        def solve(number: int, few: Sequence[FloatArray] = few, tops: list[GridTop | None] = tops) -> None:
-            tops[number] = pressed_tips(contact, few[number]).top
+        def tell(done: int, states: int, number: int = number) -> None:
+            if on_step is not None:
+                on_step((number * states + done) // len(seeds), states)
 
-        run_each(solve, len(few))
-        found, each = [one for one in tops if one is not None], []
-        for half, seed in enumerate(seeds):
-
-            def tell(
-                done: int, total: int, start: int = start, count: int = len(few), half: int = half
-            ) -> None:
-                if on_step is not None:
-                    on_step(start + count * (half * total + done) // (total * len(seeds)), len(states))
-
-            light = light_of_tops(draft, found, accuracy=accuracy, seed=seed, on_step=tell)
-            whole = np.where(light.untouched > 0.0, light.untouched, np.inf)
-            each.append((light.flux / whole).reshape(len(few), -1))
-        parts.append(np.stack(each))
-    return np.concatenate(parts, axis=1)
+        states = np.concatenate([np.zeros((1, MOST_TIPS, 3)), tips_mm])
+        flux = trace(draft, states, accuracy=accuracy, seed=seed, on_step=tell).flux
+        each.append((flux[1:] / np.where(flux[0] > 0.0, flux[0], np.inf)).reshape(len(tips_mm), -1))
+    return np.stack(each)

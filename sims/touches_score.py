@@ -351,8 +351,8 @@ def _squares(pad: _Pad, tips: FloatArray, seed: int, tell: OnStep) -> tuple[Floa
     """D² (n,) of two touches (n, 2, 3), and its standard error [noise deviations squared]."""
     change = changes_together(
         pad.draft,
-        pad.known,
         tips,
+        untouched=pad.known.untouched,
         seeds=(seed, seed + SEED_GAP),
         on_step=lambda done, total: tell("two touches", done / total),
     )

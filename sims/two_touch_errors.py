@@ -33,7 +33,6 @@ from optopad.sims.contact.scope import contact_of
 from optopad.sims.learning.inference.touch_model import TouchModel
 from optopad.sims.learning.inference.two_touches import Touches, found_touches
 from optopad.sims.learning.together_fit import matched_to
-from optopad.sims.learning.traced_map import SignalMap
 from optopad.sims.optics.tracing import trace
 from optopad.sims.readings.press_data import PressData
 from optopad.sims.readings.protocol import ProtocolCurves
@@ -222,7 +221,6 @@ def predicted_errors(
     learner: str,
     model: TouchModel,
     curves: ProtocolCurves,
-    known: SignalMap,
     *,
     quick: bool,
     seed: int,
@@ -233,7 +231,6 @@ def predicted_errors(
     Parameters
     ----------
     curves : light of the protocol, whose test sets have the noise and drift
-    known : map of the model's light
 
     Raises
     ------
@@ -242,7 +239,8 @@ def predicted_errors(
     draft, seed = Draft.of(curves.design), seed + SEED
     rng = np.random.default_rng(seed)
     touches_mm = drawn_touches(draft, *(QUICK_STATES if quick else STATES), rng)
-    chain, flux = chain_of(curves.design, curves.readout), _flux(curves, known, touches_mm, seed, on_step)
+    chain, untouched = chain_of(curves.design, curves.readout), curves.curves.untouched
+    flux = _ratios(draft, touches_mm, seed, on_step).reshape(-1, *untouched.shape) * untouched
     signals, sets = [], [one for one in curves.protocol.sets if one.role == "test"]
     for one in sets * DRAWS:
         drawn = chain.draw_set(rng, is_ambient=one.is_ambient)
@@ -272,11 +270,8 @@ def drawn_touches(draft: Draft, singles: int, pairs: int, rng: np.random.Generat
     return np.concatenate([alone, both])
 
 
-def _flux(
-    curves: ProtocolCurves, known: SignalMap, touches_mm: FloatArray, seed: int, on_step: OnStep
-) -> FloatArray:
-    """Light (n, emitter, receiver) of touches (n, 2, 3) as a share of the emitted power [-]."""
-    draft, free = Draft.of(curves.design), curves.curves.untouched
+def _ratios(draft: Draft, touches_mm: FloatArray, seed: int, on_step: OnStep) -> FloatArray:
+    """Light over untouched light (n, pair) of touches (n, 2, 3)."""
     is_touch = touches_mm[..., 2] > 0.0
     presses, number = np.unique(touches_mm[is_touch], axis=0, return_inverse=True)
     light = trace(
@@ -286,18 +281,18 @@ def _flux(
         seed=seed,
         on_step=lambda done, total: on_step("evaluation of two touches", 0.2 * done / total),
     )
-    untouched, touched = light.flux[0], light.flux[1:]
-    single = np.ones((*is_touch.shape, *free.shape))
-    single[is_touch] = (touched / np.where(untouched > 0.0, untouched, 1.0))[number.reshape(-1)]
-    flux = free * single.prod(axis=1)
+    flux = light.flux.reshape(len(light.flux), -1)
+    ratio = np.where(flux[0] > 0.0, flux[1:] / np.where(flux[0] > 0.0, flux[0], 1.0), 1.0)
+    single = np.ones((*is_touch.shape, flux.shape[1]))
+    single[is_touch] = ratio[number.reshape(-1)]
+    ratios = single.prod(axis=1)
     both = np.flatnonzero(is_touch.all(axis=1))
     if len(both):
         (more,) = changes_together(
             draft,
-            known,
             touches_mm[both],
             seeds=(seed,),
             on_step=lambda done, total: on_step("evaluation of two touches", 0.2 + 0.3 * done / total),
         )
-        flux[both] += (more * known.untouched).reshape(-1, *free.shape)
-    return np.asarray(np.maximum(flux, 0.0))
+        ratios[both] += more
+    return np.asarray(np.maximum(ratios, 0.0))

@@ -1,12 +1,16 @@
 """Fields of optopad's ROS 2 messages as plain data, the filling of a message object with them, and parameters.
 
 Lengths in messages of ROS's own types are metres, as REP 103 requires; fields with a unit in their name have that unit.
+
+A touch's message has the first contact in its own fields, as before two touches were known, and all contacts in a
+sequence of any length. So a subscriber of one touch need not change, and one of several has no empty places to skip.
 """
 
 from __future__ import annotations
 
 import math
 import time
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -20,7 +24,7 @@ if TYPE_CHECKING:
     from optopad.fabrication.driver.descriptor import Descriptor
     from optopad.fabrication.driver.link.frames import Frame
     from optopad.fabrication.driver.stream import LinkCounts
-    from optopad.fabrication.driver.touch_reader import Touch
+    from optopad.fabrication.driver.touch_reader import Contact, Touch
 
 M_PER_MM = 1e-3
 CUBE, SPHERE = 1, 2
@@ -28,6 +32,7 @@ CUBE, SPHERE = 1, 2
 ADD, DELETE = 0, 2
 """Actions of visualization_msgs/Marker."""
 BODY_ID, TOUCH_ID = 0, 1
+"""Numbers of the markers of the body and of the first contact."""
 OK, WARN, ERROR = 0, 1, 2
 """Levels of diagnostic_msgs/DiagnosticStatus."""
 SHOWN_S = 0.5
@@ -49,7 +54,7 @@ def filled(message: Any, fields: dict[str, Any]) -> Any:
     return message
 
 
-def parameter(name: str, given: Any, default: bool | float | str) -> Any:
+def parameter(name: str, given: Any, default: bool | int | float | str) -> Any:
     """A parameter's value in the type of its default.
 
     ROS 2 takes the type from how a value is written: `200` is an integer, and a name of digits is a number.
@@ -61,8 +66,11 @@ def parameter(name: str, given: Any, default: bool | float | str) -> Any:
     kind = type(default)
     with suppress(ValueError):
         if isinstance(given, bool) == (kind is bool) and isinstance(given, (bool, int, float, str)):
-            return kind(given)
-    need = {bool: "true or false", float: "a number", str: "text, in quotes"}[kind]
+            value = kind(given)
+            if kind is not int or float(given) == value:
+                return value
+    words = {bool: "true or false", int: "a whole number", float: "a number", str: "text, in quotes"}
+    need = words[kind]
     raise InputError(f"{name}: {given!r} is refused: give {need}")
 
 
@@ -92,41 +100,57 @@ class NodeClock:
         return replace(frame, began_s=self._latest_s, host_s=max(self._latest_s, frame.host_s + ahead_s))
 
 
-def touch_message(touch: Touch, frame_id: str) -> dict[str, Any]:
-    """Fields of a touch's message; numbers that are not known are NaN."""
-    frame, sigma = touch.frame, touch.sigma_mm * M_PER_MM
-    depth = float(touch.press_mm[2])
+def touch_message(touch: Touch, frame_id: str, contact_type: type) -> dict[str, Any]:
+    """Fields of a touch's message; numbers that are not known are NaN.
+
+    Parameters
+    ----------
+    contact_type : class of the message `optopad_msgs/Contact`
+    """
+    frame = touch.frame
     return {
         "header": {"stamp": stamp(frame.began_s), "frame_id": frame_id},
         "sequence": frame.sequence,
         "is_touched": touch.is_touched,
         "score": touch.touch_score,
-        "point": _vector(touch.point_mm, M_PER_MM),
-        "normal": _vector(touch.normal),
-        "covariance": np.diag(sigma**2).ravel().tolist() if np.isfinite(sigma).all() else [math.nan] * 9,
-        "depth": depth * M_PER_MM,
-        "force": math.nan if touch.force_n is None else touch.force_n,
-        "force_deviation": touch.force_sigma_n,
+        **_press_fields(touch),
         "slip": _vector((*touch.slip_mm_s, 0.0), M_PER_MM),
         "drift": touch.drift.drift,
         "is_drift_held": touch.drift.is_held,
         "is_gain_like": touch.drift.is_gain_like,
         "gain_steps": touch.drift.gain_steps,
         "latency": touch.latency_ms / 1e3,
+        "contacts": [{"": contact_type, "number": one.number} | _press_fields(one) for one in touch.contacts],
+    }
+
+
+def _press_fields(one: Touch | Contact) -> dict[str, Any]:
+    sigma = one.sigma_mm * M_PER_MM
+    return {
+        "point": _vector(one.point_mm, M_PER_MM),
+        "normal": _vector(one.normal),
+        "covariance": np.diag(sigma**2).ravel().tolist() if np.isfinite(sigma).all() else [math.nan] * 9,
+        "depth": float(one.press_mm[2]) * M_PER_MM,
+        "force": math.nan if one.force_n is None else one.force_n,
+        "force_deviation": one.force_sigma_n,
     }
 
 
 def wrench_message(touch: Touch, frame_id: str) -> dict[str, Any]:
-    """Fields of a touch as a wrench: the force of the pad on the object, and its torque about the frame's origin.
+    """Fields of a touch as a wrench: the force of the pad on all that touches it, and its torque about the origin.
 
-    The force is along the outward normal, +z on a flat pad. Both are zero without a touch, or without a known force.
+    The force of each contact is along its outward normal, +z on a flat pad. Both are zero without a touch, or without a
+    known force.
     """
-    normal = np.where(np.isfinite(touch.normal), touch.normal, (0.0, 0.0, 1.0))
-    force = normal * float(np.nan_to_num(touch.force_n or 0.0)) * touch.is_touched
-    point = np.nan_to_num(np.where(np.isfinite(touch.point_mm), touch.point_mm, (*touch.press_mm[:2], 0.0)))
+    force, torque = np.zeros(3), np.zeros(3)
+    for one in touch.contacts:
+        normal = np.where(np.isfinite(one.normal), one.normal, (0.0, 0.0, 1.0))
+        own = normal * float(np.nan_to_num(one.force_n or 0.0))
+        point = np.nan_to_num(np.where(np.isfinite(one.point_mm), one.point_mm, (*one.press_mm[:2], 0.0)))
+        force, torque = force + own, torque + np.cross(point * M_PER_MM, own)
     return {
         "header": {"stamp": stamp(touch.frame.began_s), "frame_id": frame_id},
-        "wrench": {"force": _vector(force), "torque": _vector(np.cross(point * M_PER_MM, force))},
+        "wrench": {"force": _vector(force), "torque": _vector(torque)},
     }
 
 
@@ -140,29 +164,37 @@ def top_frame(said: Descriptor, frame_id: str, now_s: float) -> dict[str, Any]:
     }
 
 
-def marker(said: Descriptor, touch: Touch | None, frame_id: str, began_s: float) -> dict[str, Any]:
-    """Fields of the marker for RViz: the pad's body without `touch`, else a ball at the touch, larger when deeper."""
-    if touch is None:
-        low, high = _box_mm(said)
-        return _marker(frame_id, began_s, BODY_ID, CUBE, ADD) | {
-            "pose": {"position": _vector((low + high) / 2, M_PER_MM), "orientation": {"w": 1.0}},
-            "scale": _vector(high - low, M_PER_MM),
-            "color": {"r": 0.6, "g": 0.8, "b": 1.0, "a": 0.35},
-        }
-    if not touch.is_touched:
-        return no_touch_marker(frame_id, began_s)
-    size = 1.0 + float(touch.press_mm[2])
-    return _marker(frame_id, began_s, TOUCH_ID, SPHERE, ADD) | {
-        "pose": {"position": _vector(np.nan_to_num(touch.point_mm), M_PER_MM), "orientation": {"w": 1.0}},
-        "scale": _vector((size, size, size), M_PER_MM),
-        "color": {"r": 1.0, "g": 0.4, "b": 0.1, "a": 0.9},
-        "lifetime": {"sec": 0, "nanosec": int(SHOWN_S * 1e9)},
+def body_marker(said: Descriptor, frame_id: str, time_s: float) -> dict[str, Any]:
+    """Fields of the marker of the pad's body for RViz."""
+    low, high = _box_mm(said)
+    return _marker(frame_id, time_s, BODY_ID, CUBE, ADD) | {
+        "pose": {"position": _vector((low + high) / 2, M_PER_MM), "orientation": {"w": 1.0}},
+        "scale": _vector(high - low, M_PER_MM),
+        "color": {"r": 0.6, "g": 0.8, "b": 1.0, "a": 0.35},
     }
 
 
-def no_touch_marker(frame_id: str, time_s: float) -> dict[str, Any]:
-    """Fields of the marker that removes the ball at a touch."""
-    return _marker(frame_id, time_s, TOUCH_ID, SPHERE, DELETE)
+def contact_markers(
+    contacts: Sequence[Contact], shown: int, frame_id: str, time_s: float
+) -> list[dict[str, Any]]:
+    """Fields of the markers of contacts: a ball at each, larger when deeper.
+
+    Parameters
+    ----------
+    shown : number of balls that are shown until now; those beyond the contacts are removed
+    """
+    made = [
+        _marker(frame_id, time_s, TOUCH_ID + k, SPHERE, ADD)
+        | {
+            "pose": {"position": _vector(np.nan_to_num(one.point_mm), M_PER_MM), "orientation": {"w": 1.0}},
+            "scale": _vector([1.0 + float(one.press_mm[2])] * 3, M_PER_MM),
+            "color": {"r": 1.0, "g": 0.4, "b": 0.1, "a": 0.9},
+            "lifetime": {"sec": 0, "nanosec": int(SHOWN_S * 1e9)},
+        }
+        for k, one in enumerate(contacts)
+    ]
+    gone = range(len(contacts), shown)
+    return made + [_marker(frame_id, time_s, TOUCH_ID + k, SPHERE, DELETE) for k in gone]
 
 
 def _marker(frame_id: str, time_s: float, number: int, kind: int, action: int) -> dict[str, Any]:

@@ -47,7 +47,8 @@ matrix, and the noise follows from the scatter of the predictions.
 
 Left out: friction. An object that sticks drags the pad's surface along, which moves the dimple less and changes the
 signals by shear, too. It counts as slipping if it appears faster than `LEAST_MM_S`. Also left out are slower slides,
-slides that begin during a press or a release, and turns of the object on its place.
+slides that begin during a press or a release, and turns of the object on its place. While there are two touches, no
+slip is reported.
 """
 
 from __future__ import annotations
@@ -61,7 +62,7 @@ import numpy as np
 from optopad.design.arrays import FloatArray
 from optopad.fabrication.driver.drift import LEAST_NOISE_COUNTS
 from optopad.sims.learning.inference.signal_map import SignalMapModel, Whitening, whitening
-from optopad.sims.learning.inference.touch_model import Prediction, TouchModel
+from optopad.sims.learning.inference.touch_model import TouchModel
 
 WINDOW_S, LONG_WINDOW_S = 0.03, 0.1
 """Times over which the change of the signals is measured [s]."""
@@ -149,17 +150,17 @@ class SlipDetector:
         self.forget()
         self._scatter, self._scattered = 1.0, float(FEWEST_SCATTER)
 
-    def seen(self, signals: FloatArray, found: Prediction) -> tuple[FloatArray, FloatArray]:
+    def seen(self, signals: FloatArray, press_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
         """What is followed of n frames, shape (n, m), and its slopes by x, y and depth, shape (n, 3, m).
 
         Parameters
         ----------
         signals : frames as the model takes them, shape (n, pairs) [counts]
-        found : the model's predictions for them
+        press_mm : presses that the model predicts for them, shape (n, 3) [mm]
         """
         if self._map is None:
-            return found.press_mm, np.broadcast_to(np.eye(3), (len(signals), 3, 3))
-        return signals, self._map.answers(found.press_mm)[1]
+            return press_mm, np.broadcast_to(np.eye(3), (len(signals), 3, 3))
+        return signals, self._map.answers(press_mm)[1]
 
     def forget(self) -> None:
         """Begin a new touch."""

@@ -39,15 +39,20 @@ def names() -> tuple[str, ...]:
 @cache
 def definition(name: str) -> str:
     """The definition of a message, followed by those of all messages that it contains, as in MCAP files."""
-    text = (_FOLDER / f"{name.rpartition('/')[2]}.msg").read_text(encoding="utf-8")
+    text = _own(name)
     parts, wanted, done = [text], _contained(text), set[str]()
     while wanted:
         one = wanted.pop(0)
         if one not in done:
             done.add(one)
-            parts.append(f"{_LINE}\nMSG: {one}\n{COMMON[one]}")
-            wanted += _contained(COMMON[one])
+            held = _own(one) if one.startswith(PACKAGE) else COMMON[one]
+            parts.append(f"{_LINE}\nMSG: {one}\n{held}")
+            wanted += _contained(held)
     return "".join(parts)
+
+
+def _own(name: str) -> str:
+    return (_FOLDER / f"{name.rpartition('/')[2]}.msg").read_text(encoding="utf-8")
 
 
 def _contained(text: str) -> list[str]:

@@ -234,6 +234,24 @@ def touch_json(touch: Touch, digits: int = 4) -> dict[str, Any]:
     }
 
 
+def contacts_json(touch: Touch, digits: int = 4) -> dict[str, Any]:
+    """The touches of a frame as plain data: a list, empty for an untouched pad."""
+    contacts = [
+        {
+            "number": one.number,
+            **{
+                f"{axis}_mm": round(float(value), digits)
+                for axis, value in zip(AXES, one.press_mm, strict=True)
+            },
+            "sigma_mm": _plain(one.sigma_mm, digits),
+            "force_n": None if one.force_n is None else round(one.force_n, digits),
+            "force_sigma_n": round(one.force_sigma_n, digits) if math.isfinite(one.force_sigma_n) else None,
+        }
+        for one in touch.contacts
+    ]
+    return {"contacts": contacts}
+
+
 def touch_view(touch: Touch, reader: TouchReader) -> RenderableType:
     """Picture of the pad next to the numbers, below a line about the link and above an explanation."""
     from rich.console import Group
@@ -242,7 +260,7 @@ def touch_view(touch: Touch, reader: TouchReader) -> RenderableType:
 
     sensor = reader.sensor
     numbers = Table(box=None, padding=(0, 1))
-    for name, value in _rows(touch):
+    for name, value in _rows(touch, reader.most_touches):
         numbers.add_row(name, value)
     both = Table(box=None, padding=(0, 2))
     both.add_row(Text("\n".join(picture(touch, reader)), no_wrap=True), numbers)
@@ -260,9 +278,9 @@ def picture(touch: Touch, reader: TouchReader) -> list[str]:
     for mark, parts in (("E", said.emitters), ("R", said.receivers)):
         for place in parts.position_mm[:, :2]:
             _set(cells, place, low, high, mark)
-    if touch.is_touched and np.isfinite(touch.press_mm).all():
-        depth = float(touch.press_mm[2])
-        _set(cells, touch.press_mm[:2], low, high, MARKS[int(depth >= LIGHT_MM) + int(depth >= DEEP_MM)])
+    for one in touch.contacts:
+        depth = float(one.press_mm[2])
+        _set(cells, one.press_mm[:2], low, high, MARKS[int(depth >= LIGHT_MM) + int(depth >= DEEP_MM)])
     line = "+" + "-" * PICTURE_COLUMNS + "+"
     return [line, *("|" + "".join(row) + "|" for row in cells), line]
 
@@ -278,16 +296,20 @@ def start_note(reader: TouchReader) -> str:
     )
 
 
-def _rows(touch: Touch) -> list[tuple[str, str]]:
+def _rows(touch: Touch, most_touches: int) -> list[tuple[str, str]]:
     told = touch.is_touched
     drift = touch.drift
     rows = [("touch", f"{'yes' if told else 'no'}   (score {touch.touch_score:+.2f})")]
-    rows += [
-        (axis, with_sigma(touch.press_mm[k], touch.sigma_mm[k], "mm") if told else "-")
-        for k, axis in enumerate(AXES)
-    ]
-    force = "not known" if touch.force_n is None else with_sigma(touch.force_n, touch.force_sigma_n, "N")
-    rows.append(("force", "-" if touch.force_n is not None and not told else force))
+    if most_touches == 1:
+        rows += [
+            (axis, with_sigma(touch.press_mm[k], touch.sigma_mm[k], "mm") if told else "-")
+            for k, axis in enumerate(AXES)
+        ]
+        force = "not known" if touch.force_n is None else with_sigma(touch.force_n, touch.force_sigma_n, "N")
+        rows.append(("force", "-" if touch.force_n is not None and not told else force))
+    else:
+        lines = [str(one).split(" ", 1) for one in touch.contacts]
+        rows += [(number, line) for number, line in (lines + [["#-", "-"]] * most_touches)[:most_touches]]
     rows.append(("slip", f"{math.hypot(*touch.slip_mm_s):.0f} mm/s" if touch.is_slipping else "-"))
     rows.append(("drift", f"{round(drift.drift, 4) + 0.0:+.2%}{', held' if drift.is_held else ', followed'}"))
     rows.append(("gain steps", str(drift.gain_steps)))

@@ -32,12 +32,12 @@ from optopad.sims.learning.inference.model_file import save_model
 from optopad.sims.learning.inference.signal_map import KIND as SIGNAL_MAP
 from optopad.sims.learning.inference.touch_model import TouchModel
 from optopad.sims.learning.learners import EFFORTS, LEARNERS, Learner
-from optopad.sims.learning.map_learner import MapLearner, chain_noise
+from optopad.sims.learning.map_learner import chain_noise, signal_map_learner
 from optopad.sims.learning.tables import ERROR_DEPTHS_MM, published_touch
 from optopad.sims.readings.press_data import clipped_note
 from optopad.sims.readings.protocol import ProtocolCurves, draw, protocol_curves
 from optopad.sims.readings.signal_chain import chain_of
-from optopad.sims.two_touch_errors import LEAST_MM, TwoTouchErrors, predicted_errors, require_touches
+from optopad.sims.two_touch_errors import LEAST_MM, predicted_errors, require_touches
 from optopad.verbs.evaluate import accuracies, write_accuracy
 from optopad.work import OUT
 
@@ -128,8 +128,9 @@ def predict(
     how = wanted.fitted_to(design)
     _require_roles(how)
     curves = protocol_curves(design, how, seed=seed, is_coarse=effort.is_coarse, on_step=step)
-    of_map = MapLearner(design, quick=effort.is_coarse, seed=seed, touches=touches)
-    with_map: dict[str, Learner] = LEARNERS | {SIGNAL_MAP: of_map}
+    with_map = LEARNERS | {
+        SIGNAL_MAP: signal_map_learner(design, quick=effort.is_coarse, seed=seed, touches=touches)
+    }
     fits = {name: with_map[name] for name in chosen}
     judged: dict[tuple[str, str], list[ModelAccuracy]] = {}
     models: dict[str, TouchModel] = {}
@@ -140,7 +141,15 @@ def predict(
             for one in tables:
                 judged.setdefault((name, one.test_set), []).append(one)
     again = _found_again(curves, models, seed, step)
-    of_two = () if touches == 1 else (_of_two(models[SIGNAL_MAP], curves, of_map, seed, step),)
+    of_two = (
+        (
+            predicted_errors(
+                SIGNAL_MAP, models[SIGNAL_MAP], curves, quick=effort.is_coarse, seed=seed, on_step=step
+            ),
+        )
+        if touches > 1
+        else ()
+    )
     found = PredictedAccuracy(
         name=design.name,
         digest=design.digest,
@@ -163,14 +172,6 @@ def predict(
             (folder / "sims" / "models").mkdir(exist_ok=True)
             save_model(folder / "sims" / "models" / f"{name}.optomodel", model)
     return Prediction(design=design, found=found, folder=Path(out) / bundle_name(design))
-
-
-def _of_two(
-    model: TouchModel, curves: ProtocolCurves, learner: MapLearner, seed: int, on_step: OnStep
-) -> TwoTouchErrors:
-    return predicted_errors(
-        SIGNAL_MAP, model, curves, learner.known(), quick=learner.quick, seed=seed, on_step=on_step
-    )
 
 
 def bound_mm(

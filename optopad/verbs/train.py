@@ -19,7 +19,7 @@ from optopad.screen.training import TrainedModel, Training
 from optopad.sims.learning.inference.model_file import save_model
 from optopad.sims.learning.inference.signal_map import KIND as SIGNAL_MAP
 from optopad.sims.learning.learners import EFFORTS, LEARNERS, Learner
-from optopad.sims.learning.map_learner import MapLearner
+from optopad.sims.learning.map_learner import signal_map_learner
 from optopad.sims.learning.samples import prepared
 from optopad.sims.learning.traced_map import load_curve
 from optopad.sims.readings.dataset import PressData, data_notes, joined, read_data, require_design
@@ -114,7 +114,7 @@ def _learners(
         )
     if design is None:
         raise InputError(f"--learner: {SIGNAL_MAP} is computed from a design; name it with --design")
-    return {SIGNAL_MAP: MapLearner(design, quick=effort == "quick", seed=seed, touches=touches)}
+    return {SIGNAL_MAP: signal_map_learner(design, quick=effort == "quick", seed=seed, touches=touches)}
 
 
 def _files(names: Sequence[str], files: Sequence[Path], out: Path | None) -> dict[str, Path]:

@@ -34,9 +34,8 @@ from optopad.sims.contact.scope import contact_of
 from optopad.sims.learning.inference.header import ForceCurve, ModelHeader
 from optopad.sims.learning.inference.signal_map import KIND, Box, ReadingNoise, SignalMapModel
 from optopad.sims.learning.inference.touch_model import UNIT_SIGMA, SigmaTable
-from optopad.sims.learning.learners import DEFAULT, FitSettings
+from optopad.sims.learning.learners import DEFAULT, FitSettings, Learner
 from optopad.sims.learning.samples import CLEARLY_UNTOUCHED_MM, SIGMA_OF_TIP
-from optopad.sims.learning.together_fit import fit_together
 from optopad.sims.learning.touch_fit import sigma_table
 from optopad.sims.learning.traced_map import (
     DEPTH_NODES,
@@ -203,41 +202,38 @@ def mapped(
     return replace(found, error=error.of_ratio(found.untouched), checked=error)
 
 
-class MapLearner:
-    """The "signal-map" learner of a design; its map is traced once, when it is first needed.
+def signal_map_learner(
+    design: SensorDesign, *, quick: bool = False, seed: int = 0, touches: int = 1
+) -> Learner:
+    """Make the "signal-map" learner of a design; its map is traced at the first fit and reused.
 
     Parameters
     ----------
     quick, seed : see `mapped`
     touches : number of touches at once that the model knows, 1 or 2
     """
+    traced: list[SignalMap] = []
 
-    def __init__(self, design: SensorDesign, *, quick: bool = False, seed: int = 0, touches: int = 1) -> None:
-        self.design, self.quick, self.seed, self.touches = design, quick, seed, touches
-        self._known: SignalMap | None = None
-
-    def known(self, on_step: OnStep | None = None) -> SignalMap:
-        """The map."""
-        if self._known is None:
-            self._known = mapped(self.design, quick=self.quick, seed=self.seed, on_step=on_step)
-        return self._known
-
-    def __call__(
-        self,
+    def fit(
         train: PressData,
         *,
-        seed: int = 0,
+        seed: int = seed,
         on_step: OnStep = lambda _stage, _share: None,
-        settings: FitSettings = DEFAULT,  # noqa: ARG002  no setting concerns a map
+        settings: FitSettings = DEFAULT,  # noqa: ARG001  no setting concerns a map
     ) -> SignalMapModel:
-        """Train a model; raises `InputError` if the data are insufficient."""
-        known = self.known(on_step)
-        header = map_header(self.design, train, known, seed)
-        model = fit_signal_map(self.design, known, header, train, seed=seed, on_step=on_step)
-        if self.touches == 1:
+        if not traced:
+            traced.append(mapped(design, quick=quick, seed=map_seed, on_step=on_step))
+        header = map_header(design, train, traced[0], seed)
+        model = fit_signal_map(design, traced[0], header, train, seed=seed, on_step=on_step)
+        if touches == 1:
             return model
+        from optopad.sims.learning.together_fit import fit_together
+
         # of the map's seed, so that the light of pairs of touches is traced once for all fits
-        return fit_together(Draft.of(self.design), model, known, seed=self.seed, on_step=on_step)
+        return fit_together(Draft.of(design), model, traced[0], seed=map_seed, on_step=on_step)
+
+    map_seed = seed
+    return fit
 
 
 def map_header(design: SensorDesign, data: PressData, found: SignalMap, seed: int) -> ModelHeader:

@@ -63,8 +63,8 @@ def fit_together(
     presses = drawn_pairs(draft, rng, POOL, PAIRS)
     (change,) = changes_together(
         draft,
-        known,
         presses,
+        untouched=known.untouched,
         seeds=(seed + SEED,),
         on_step=lambda done, total: tell("two touches", 0.6 * done / total),
     )

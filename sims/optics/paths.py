@@ -29,7 +29,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from optopad.design.arrays import BoolArray, FloatArray
-from optopad.design.shape.top import Top
 from optopad.sims.compiling import listen_to_numba
 from optopad.sims.kernels import entry_points
 from optopad.sims.optics.engine.general import rays, scattered, top
@@ -61,7 +60,8 @@ from optopad.sims.optics.engine.general.top import (
     sag,
     turn,
 )
-from optopad.sims.optics.scene.optical_scene import OpticalScene, PadForm
+from optopad.sims.optics.scene.lower import block_form
+from optopad.sims.optics.scene.optical_scene import OpticalScene
 from optopad.sims.optics.surface import curves, radial
 from optopad.sims.optics.surface.curves import HIGHEST
 from optopad.sims.optics.surface.radial import fresnel, kernel
@@ -235,7 +235,7 @@ def _met_in_air(
             nx, ny, nz = normal_at(top, px, py)
             nx, ny, nz = out_of(top, nx, ny, nz)
             return t, TOP, nx, ny, nz
-        if pz > top.rows[0, HIGHEST] and bz >= 0.0 and px * bx + py * by >= 0.0:
+        if pz > top.row[HIGHEST] and bz >= 0.0 and px * bx + py * by >= 0.0:
             return t, AWAY, 0.0, 0.0, 0.0
         before = t
         t += max(0.5 * gap, AIR_STEP_MM)
@@ -459,16 +459,7 @@ def _pad_of(scene: OpticalScene, press: Indentation | None) -> Pad:
 
 
 def _formed(scene: OpticalScene) -> OpticalScene:
-    """The scene with its walls and top; a block's are south, east, north and west, and a flat one."""
-    if scene.form is not None:
-        return scene
-    size = np.array([[scene.length_mm, 0.0], [0.0, scene.width_mm]])
-    x, y = np.eye(2)
-    origins, ways, normals = (0 * x, size[0], size[1], 0 * x), (x, y, x, y), (-y, x, y, -x)
-    walls = np.array([np.concatenate(row) for row in zip(origins, ways, normals, strict=True)])
-    middle = (0.5 * scene.length_mm, 0.5 * scene.width_mm)
-    top = Top(clear_mm=scene.height_mm, apex_mm=middle)
-    return replace(scene, form=PadForm(walls=walls, arcs=np.empty((0, 6)), top=top))
+    return scene if scene.form is not None else replace(scene, form=block_form(scene))
 
 
 def _shares(radiance: FloatArray) -> FloatArray:

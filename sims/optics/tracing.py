@@ -40,7 +40,7 @@ from optopad.sims.optics.engine.trace_states import (
 )
 from optopad.sims.optics.engine.untouched import untouched_pad
 from optopad.sims.optics.scene.lower import block_form, scene_of
-from optopad.sims.optics.scene.optical_scene import OpticalScene, SmoothField, smooth_field, sum_of_fields
+from optopad.sims.optics.scene.optical_scene import OpticalScene, SmoothField, smooth_field
 from optopad.sims.optics.scene.symmetry import StateClasses, state_classes
 from optopad.sims.optics.surface.tops import TopStack
 from optopad.sims.press import GridTop, Indentation
@@ -49,7 +49,6 @@ if TYPE_CHECKING:
     from optopad.sims.contact.pad_surface import PadSurface
 
 Profile = Indentation | Sequence[Indentation | None]
-Tips = list[list[Indentation | None]]
 _SMOOTH_PARTS: WeakKeyDictionary[PadSurface, SmoothField] = WeakKeyDictionary()
 """Smooth field (the height in addition to the curve around the tip) of each surface that the contact model still
 holds."""
@@ -231,7 +230,7 @@ def _tops_of_presses(
     source = hashlib.blake2b(
         f"{_contact_sources()} {design.surface_digest} {tips.shape}".encode() + traced.tobytes()
     )
-    return Tops(scene, lambda: (traced[:, :, :2], *_made(design, scene, traced)), source.digest())
+    return Tops(scene, lambda: (traced[:, 0, :2], *_made(design, scene, traced[:, 0])), source.digest())
 
 
 def tops_of_tips(draft: Draft, scene: OpticalScene, tips: FloatArray) -> GridTops:
@@ -278,19 +277,13 @@ def _contact_sources() -> str:
 
 
 def _made(
-    design: SensorDesign, scene: OpticalScene, traced: FloatArray
-) -> tuple[Tips, list[SmoothField | None]]:
-    """The surface curve around the axis, by state and tip; and the smooth height added to the curves, by state."""
-    pressed = np.unique(traced[traced[:, :, 2] > 0], axis=0)
+    design: SensorDesign, scene: OpticalScene, presses: FloatArray
+) -> tuple[list[Indentation | None], list[SmoothField | None]]:
+    """The surface curve around the axis and the smooth height added to it, of each press (state, 3)."""
+    pressed = np.unique(presses[presses[:, 2] > 0], axis=0)
     known = dict(zip(map(tuple, pressed.tolist()), _tops(design, scene, pressed), strict=True))
-    near: Tips = []
-    fields: list[SmoothField | None] = []
-    for of_state in traced:
-        found = [known[tuple(row.tolist())] if row[2] > 0 else None for row in of_state]
-        near.append([None if one is None else one[0] for one in found])
-        touching = [one[1] for one in found if one is not None and one[1] is not None]
-        fields.append(sum_of_fields(touching) if touching else None)
-    return near, fields
+    found = [known[tuple(row.tolist())] if row[2] > 0 else (None, None) for row in presses]
+    return [near for near, _ in found], [field for _, field in found]
 
 
 def _tops(

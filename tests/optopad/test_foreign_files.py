@@ -37,6 +37,11 @@ TABLES: dict[str, tuple[Callable[[Path], Any], str, tuple[str, str]]] = {
     "recording": (read_recording, "depth_mm,E2-R2", ("-0.5,801.5", "0.5,799.5")),
     "position log": (read_position_log, "time_s,x_mm,y_mm,depth_mm", ("0.5,8.5,9.5,2.5", "1.5,8.5,9.5,2.5")),
     "path of a finger": (read_path, "t_s,x_mm,y_mm,depth_mm", ("0,8.5,9.5,2.5", "1.5,8.5,9.5,2.5")),
+    "path of two fingers": (
+        read_path,
+        "t_s,x_mm,y_mm,depth_mm,x2_mm,y2_mm,depth2_mm",
+        ("0,8.5,9.5,2.5,16.5,9.5,1.5", "1.5,8.5,9.5,2.5,16.5,9.5,1.5"),
+    ),
 }
 """Each reader of a table, its heading and two rows."""
 DECIMAL_COMMA = "decimal comma? write 8.9, and separate by commas"

@@ -10,6 +10,7 @@ from optopad.sims.optics import tracing
 from optopad.sims.optics.scene.lower import scene_of
 from optopad.sims.optics.scene.optical_scene import SmoothField
 from optopad.sims.optics.scene.symmetry import StateClasses, each_its_own
+from optopad.sims.press import Indentation
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,12 +20,12 @@ class PressedTops:
     Attributes
     ----------
     classes : groups of states with equal light, by symmetry; the other attributes have one entry per group
-    near : for each group and tip, the surface curve around the tip's axis; None where the tip does not touch
-    fields : for each group, the smooth height that is added to the curves; None where nothing is added
+    near : for each group, the surface curve around the tip's axis; None if untouched
+    fields : for each group, the smooth height that is added to the curve; None if nothing is added
     """
 
     classes: StateClasses
-    near: tracing.Tips
+    near: list[Indentation | None]
     fields: list[SmoothField | None]
 
 
@@ -33,10 +34,10 @@ def pressed_tops(design: SensorDesign, presses: FloatArray, *, by_symmetry: bool
 
     Parameters
     ----------
-    presses : as for `optopad.sims.optics.tracing.trace`; the heights of several tips are added
+    presses : (state, 3) as for `optopad.sims.optics.tracing.trace`
     by_symmetry : whether states that are equal by a symmetry of the layout share one top; if False, each has its own
     """
     tips, scene = tracing._tips(presses), scene_of(design)
     classes = tracing._classes(scene, tips) if by_symmetry else each_its_own(scene, len(tips))
-    near, fields = tracing._made(design, scene, tips[classes.first])
+    near, fields = tracing._made(design, scene, tips[classes.first, 0])
     return PressedTops(classes=classes, near=near, fields=fields)

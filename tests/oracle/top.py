@@ -26,8 +26,8 @@ height at a radius are refused, except for a shank in the pad: it is made to lea
 
 As a grid
 ---------
-Under several tips the contact model gives the whole top, as heights at nodes of a grid in press coordinates. Between the
-nodes it is a bicubic spline (SciPy's, not the fast model's), held as a field, with contact where a level is above 0.
+Under several tips the contact model gives the whole top, as heights at nodes of a grid in press coordinates. Between
+them it is a bicubic spline (SciPy's, not the fast model's), held as a field, with contact where a level is above 0.
 
 This file shares no code with the fast light model on purpose: the two are compared with each other.
 """

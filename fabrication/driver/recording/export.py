@@ -67,7 +67,7 @@ def read_recorded(
     """
     if os.path.isdir(file) or is_bag(file):
         found = read_mcap(file, topic, press_topic, with_presses=with_presses and path is None)
-        return found if path is None else replace(found, labels=PressLabels(press_mm=path.at(found.device_s)))
+        return found if path is None else replace(found, labels=_labels_of(path, found.device_s))
     for option, value in (("--topic", topic), ("--press-topic", press_topic)):
         if value is not None:
             raise InputError(f"{option} {value}: {file} is not a bag or MCAP file; leave {option} out")
@@ -100,10 +100,15 @@ def read_recorded(
         ended_cleanly=bool((kinds == RecordKind.END).any()),
     )
     if path is not None:
-        return replace(found, labels=PressLabels(press_mm=path.at(device_s)))
+        return replace(found, labels=_labels_of(path, device_s))
     if known.all():
         return found
     return replace(found.only(known), left_out=int(np.count_nonzero(~known)))
+
+
+def _labels_of(path: FingerPath, device_s: FloatArray) -> PressLabels:
+    tips_mm = path.at(device_s).reshape(len(device_s), -1, 3)
+    return PressLabels(press_mm=tips_mm[:, 0], others_mm=tips_mm[:, 1:])
 
 
 def dataset_of(recorded: Recorded, name: str) -> xr.Dataset:
@@ -148,10 +153,10 @@ def _label(dataset: xr.Dataset, labels: PressLabels) -> None:
     for k, axis in enumerate(("press_x", "press_y", "press_depth")):
         positive = {"positive": "into the pad"} if axis == "press_depth" else {}
         dataset[axis] = ("time", labels.press_mm[:, k], {"units": "mm"} | positive)
-    if labels.others_mm is not None and np.isfinite(labels.others_mm).any():
+    if (labels.others_mm[..., 2] > 0.0).any():
         known = {"units": "mm", "long_name": "further tips that touch at the same time; NaN: none"}
         dataset["others"] = (("time", "other", "axis"), labels.others_mm, known)
-        dataset["axis"] = ["x", "y", "depth"]
+        dataset.coords["axis"] = ["x", "y", "depth"]
     if labels.set_number is not None:
         dataset["set"] = ("time", labels.set_number, {"long_name": "number in the attribute sets, from 0"})
     if labels.place_number is not None:
@@ -169,10 +174,6 @@ def _add_moves(dataset: xr.Dataset, moves: FloatArray) -> None:
 
 def write_export(recorded: Recorded, out: Path, name: str, *, on_step: OnStep = silent) -> None:
     """Write frames in the format that the file's suffix names: netCDF, .csv or .mcap; see `write_netcdf`."""
-    if recorded.labels is not None and recorded.labels.others_mm is not None and out.suffix.lower() != ".nc":
-        raise InputError(
-            f"--out {out}: {out.suffix} has one press a frame, the log has the positions of two tips; name a .nc file"
-        )
     if out.suffix.lower() == MCAP_SUFFIX:
         write_mcap(recorded, out, on_step=on_step)
     elif out.suffix.lower() == ".csv":
@@ -231,6 +232,7 @@ def write_csv(recorded: Recorded, out: Path, name: str, *, on_step: OnStep = sil
     For parameters and errors see `write_netcdf`.
     """
     require_suffix(out, (".csv",))
+    recorded.require_one_finger(out)
     said, count = descriptor_of(recorded.config), len(recorded.sequence)
     with whole_file(out) as hidden, hidden.open("w", encoding="utf-8", newline="") as stream:
         stream.write(f"# optopad recording {name!r} of {said.design}; ADC counts, less the dark state's\n")

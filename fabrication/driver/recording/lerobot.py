@@ -74,9 +74,13 @@ def gathered(signals: FloatArray, take: Take, rows: int) -> NDArray[np.float32]:
 
 
 def features_of(
-    emitters: tuple[str, ...], receivers: tuple[str, ...], rows: int, take: Take, *, has_press: bool = False
+    emitters: tuple[str, ...], receivers: tuple[str, ...], rows: int, take: Take, *, fingers: int = 0
 ) -> dict[str, Any]:
-    """Features of the observations, as LeRobot describes them: type, shape, names, and what they are."""
+    """Features of the observations, as LeRobot describes them: type, shape, names, and what they are.
+
+    The columns of a feature are fixed, so each of the `fingers` whose presses are known has its own. One that does not
+    touch has a depth of 0 or less and not NaN, which would make LeRobot's statistics NaN.
+    """
     pairs = [f"{emitter}-{receiver}" for emitter in emitters for receiver in receivers]
     words = {
         "mean": "mean of the step's frames",
@@ -96,11 +100,12 @@ def features_of(
             },
         }
     }
-    if has_press:
+    if fingers:
+        numbers = ("", *(str(k) for k in range(2, fingers + 1)))
         found[PRESS] = {
             "dtype": "float32",
-            "shape": [3],
-            "names": ["x_mm", "y_mm", "depth_mm"],
+            "shape": [3 * fingers],
+            "names": [f"{axis}{number}_mm" for number in numbers for axis in ("x", "y", "depth")],
             "info": {
                 "description": "known press in the pad's coordinates; depth 0 or less: no contact",
                 "unit": "mm",
@@ -247,7 +252,7 @@ class _DataSet:
             said.receivers.names,
             rows,
             self._take,
-            has_press=recorded.press_mm is not None,
+            fingers=0 if recorded.labels is None else 1 + recorded.labels.others_mm.shape[1],
         )
         own[SIGNALS]["info"]["design_digest"] = said.digest
         info = _info_of(said.design, fps, own)
@@ -419,6 +424,12 @@ def _require_equal(info: dict[str, Any], new: dict[str, Any], name: str) -> None
         raise InputError(
             f"{name}: {has}; the episodes of a data set have the same content, choose another folder"
         )
+    if features.get(PRESS) != others.get(PRESS):
+        fingers = [one[PRESS]["shape"][0] // 3 for one in (others, features)]
+        raise InputError(
+            f"{name}: has known presses of {fingers[0]} at a time, and the episodes before of {fingers[1]}; the "
+            "episodes of a data set have the same content, choose another folder"
+        )
     if features[SIGNALS] != others[SIGNALS]:
         has, needs = (
             f"{one[SIGNALS]['shape']} of {one[SIGNALS]['info']['description']}" for one in (others, features)
@@ -462,8 +473,9 @@ def _steps(
     for k, (a, b) in enumerate(zip(begins.tolist(), ends.tolist(), strict=True)):
         signals = signals_of(counts[a:b].astype(np.float64))
         columns[SIGNALS][k] = gathered(signals.reshape(b - a, -1), take, rows)
-    if recorded.press_mm is not None:
-        columns[PRESS] = recorded.press_mm[part][ends - 1].astype(np.float32)
+    if (labels := recorded.labels) is not None:
+        each = [labels.press_mm, *np.moveaxis(labels.others_mm, 1, 0)]
+        columns[PRESS] = np.concatenate(each, axis=1)[part][ends - 1].astype(np.float32)
     return columns, int(is_empty.sum())
 
 

@@ -378,8 +378,10 @@ def write_mcap(recorded: Recorded, out: Path, *, on_step: OnStep = silent) -> No
     Raises
     ------
     OutputError : the folder cannot be written, or the package mcap is missing.
+    InputError : presses of two fingers are known; the message `optopad_msgs/Press` has one.
     """
     require_suffix(out, (MCAP_SUFFIX,))
+    recorded.require_one_finger(out)
     mcap_sink()
     with whole_file(out) as hidden, hidden.open("wb", buffering=0) as stream:
         sink = McapSink(stream, recorded.config)

@@ -120,7 +120,7 @@ class PositionLog:
                 set_number=numbers[0],
                 place_number=numbers[1],
                 sets=self.sets,
-                others_mm=None if self.others_mm is None else at_mm[:, 1:],
+                others_mm=at_mm[:, 1:],
             ),
             known,
         )

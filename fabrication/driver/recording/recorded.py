@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -35,10 +36,11 @@ class PressLabels:
     Attributes
     ----------
     press_mm : x, y and depth according to the stage, shape (n, 3) [mm]; the pad is untouched if depth is 0 or less
+    others_mm : the same of k further fingers, shape (n, k, 3) [mm]; such a finger does not touch if depth is 0 or less,
+        or NaN
     set_number : index of the set in `sets`, shape (n,); None if unknown
     place_number : number of the press within its set, shape (n,); None if unknown
     sets : the sets of presses
-    others_mm : positions of further tips, shape (n, tip, 3) [mm], NaN where there is none; None if there are none
 
     Raises
     ------
@@ -46,10 +48,10 @@ class PressLabels:
     """
 
     press_mm: FloatArray
+    others_mm: FloatArray = field(default_factory=lambda: np.zeros((0, 0, 3)))
     set_number: IntArray | None = None
     place_number: IntArray | None = None
     sets: tuple[SetEntry, ...] = ()
-    others_mm: FloatArray | None = None
 
     def __post_init__(self) -> None:
         """Refuse positions that are not finite numbers."""
@@ -61,14 +63,19 @@ class PressLabels:
                 f"{x_mm:g}, {y_mm:g}, {depth_mm:g} mm; correct it, or drop these frames"
             )
 
+    @property
+    def has_others(self) -> bool:
+        """Whether there are further fingers."""
+        return bool(self.others_mm.shape[1])
+
     def only(self, kept: BoolArray) -> PressLabels:
         """The presses of the frames for which `kept` is True, with all sets."""
         return PressLabels(
             press_mm=self.press_mm[kept],
+            others_mm=self.others_mm[kept] if self.has_others else self.others_mm,
             set_number=None if self.set_number is None else self.set_number[kept],
             place_number=None if self.place_number is None else self.place_number[kept],
             sets=self.sets,
-            others_mm=None if self.others_mm is None else self.others_mm[kept],
         )
 
 
@@ -263,6 +270,13 @@ class Recorded:
     left_out: int = 0
     missing_files: tuple[str, ...] = ()
     made_presses: tuple[int, int] | None = None
+
+    def require_one_finger(self, out: Path) -> None:
+        """Check that the press of one finger is known, for files that hold no more; raises InputError."""
+        if self.labels is not None and self.labels.has_others:
+            raise InputError(
+                f"{out}: has the press of one finger a frame, and two are known; give a file .nc, or --lerobot"
+            )
 
     @property
     def press_mm(self) -> FloatArray | None:

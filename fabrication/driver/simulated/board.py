@@ -6,7 +6,8 @@ ambient level and noise, rounded and limited as by the converter. The board take
 `port.FakePort` connects it to a port.
 
 If the driver configuration has a memory, the last press stays in the signals at its place, as in
-`optopad.sims.readings.signal_chain`. The press is followed from one reading of the signals to the next.
+`optopad.sims.readings.signal_chain`. The press is followed from one reading of the signals to the next. Of two fingers,
+the deeper one decides: what stays is the change of both when it was deepest, after both are lifted.
 
 Settling of LED and amplifier, drift and baud rate are not simulated; the frame rate is limited only by the timing
 budget.
@@ -192,7 +193,7 @@ class FakeBoard:
     ----------
     config : driver configuration of the simulated design
     table : signals of the design's pad, by location and depth of the press
-    path : path of the finger over time
+    path : path of the finger, or of several, over time
     faults : faults of the simulated unit; None for a unit without faults
     seed : seed of the noise
     digest : design digest that the board reports; if None, that in `config`
@@ -250,9 +251,8 @@ class FakeBoard:
         return self._is_started
 
     def press_mm(self, now_s: float) -> FloatArray:
-        """Position of the finger (x, y, depth) at time `now_s` [s], in the cavity's coordinate system [mm]."""
-        found: FloatArray = self._path.at(now_s - self._reset_s)
-        return found
+        """Position (x, y, depth) of each finger at time `now_s` [s], in the cavity's system; shape (tip, 3) [mm]."""
+        return self._path.at(now_s - self._reset_s).reshape(-1, 3)
 
     def heard(self, piece: bytes, now_s: float) -> bytes:
         """Process bytes from the host at time `now_s` [s] and return the reply."""
@@ -280,9 +280,9 @@ class FakeBoard:
     def counts(self, now_s: float) -> NDArray[np.uint16]:
         """Readings at time `now_s` [s] in all states that the board sends, shape (states, receivers) [counts]."""
         press_mm = self.press_mm(now_s)
-        signals = self._table.at(press_mm)[0]
+        signals = self._table.together(press_mm)
         if self._memory is not None:
-            signals = self._memory.added(signals, float(press_mm[2]), now_s)
+            signals = self._memory.added(signals, float(press_mm[:, 2].max()), now_s)
         signals = self._faults.applied(signals)
         light = np.zeros((self._layout.states, signals.shape[1]))
         light[[emitter is not None for emitter in self._layout.lit]] = signals

@@ -3,6 +3,10 @@
 The table is interpolated linearly in x, y and depth. Presses outside the table's grid get the nearest values, and a
 depth of 0 or less is the untouched pad. Real signals are not linear over depth steps of 0.2 mm, so the table is only
 suitable for testing software, not for judging a layout.
+
+The signals of two fingers are those of the untouched pad times the product of the single fingers' ratios. The product
+leaves out that the fingers deform the surface between them together, and that light passes both: the correction that
+`optopad.sims.touches` computes.
 """
 
 from __future__ import annotations
@@ -71,6 +75,21 @@ class PressTable:
                 for k, depth_share in corners[2]:
                     found += (x_share * y_share * depth_share)[:, None, None] * self.counts[i, j, k]
         return found
+
+    def together(self, tips: ArrayLike) -> FloatArray:
+        """Signals while several tips press at a time, shape (emitters, receivers) [counts].
+
+        Parameters
+        ----------
+        tips : x, y and depth of each tip, shape (tip, 3) [mm]; a tip at a depth of 0 or less changes nothing
+        """
+        rows = np.atleast_2d(np.asarray(tips, dtype=np.float64))
+        touching = rows[rows[:, 2] > 0.0]
+        first, *more = self.at(touching if len(touching) else rows[:1])
+        untouched = self.untouched
+        for one in more:
+            first = first * np.divide(one, untouched, out=np.ones_like(one), where=untouched > 0.0)
+        return np.asarray(first)
 
 
 def _neighbours(line: FloatArray, values: FloatArray) -> list[tuple[NDArray[np.intp], FloatArray]]:

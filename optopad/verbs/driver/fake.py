@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import signal
 import time
 from collections.abc import Sequence
@@ -12,14 +13,21 @@ from optopad.cli.verb import checked_out, file_name, typed, verb
 from optopad.design.errors import InputError
 from optopad.design.io import write_text_atomically
 from optopad.fabrication.driver.simulated.board import FakeBoard, faults_of
-from optopad.fabrication.driver.simulated.finger import NO_FINGER, Finger, FingerPath, demo_path, read_path
+from optopad.fabrication.driver.simulated.finger import (
+    NO_FINGER,
+    Finger,
+    FingerPath,
+    demo_path,
+    read_path,
+    two_finger_path,
+)
 from optopad.fabrication.driver.simulated.port import FakePort, Wire, new_wire, require_free
 from optopad.fabrication.driver.simulated.press_table import PressTable
 from optopad.fabrication.driver_file import DriverConfig
 from optopad.fabrication.stage.fake_printer import FakePrinter, TipFinger
 from optopad.screen.answer import as_typed
 from optopad.screen.output import print_json, progress, say
-from optopad.sensor import driver_source, press_table
+from optopad.sensor import DriverSource, driver_source, press_table
 from optopad.work import OUT
 
 NO_PRESS = "no press of this design was simulated; name the design, or run `score`"
@@ -36,6 +44,7 @@ def fake(
     config: str,
     *,
     path: Path | None = None,
+    fingers: int | None = None,
     still: bool = False,
     fault: Sequence[str] = (),
     socket: bool = False,
@@ -52,7 +61,8 @@ def fake(
 
     Parameters
     ----------
-    path : Presses over time, repeated: t_s,x_mm,y_mm,depth_mm.
+    path : Presses over time, repeated: t_s,x_mm,y_mm,depth_mm; a second finger: x2_mm,y2_mm,depth2_mm.
+    fingers : 2: a demonstration with two fingers that pass each other.
     still : No finger: the pad stays untouched.
     fault : swap:E1,E2, dead:E3, dim:E4 or saturated:R5. Repeatable.
     socket : A socket of this machine instead of a pseudo-terminal.
@@ -63,24 +73,29 @@ def fake(
     if out is not None:
         checked_out(out, config, path)
     _require_free_names(link, stage_link)
-    if path is not None:
-        read_path(path)  # refuses the file before the light is simulated
     source = driver_source(config, set_, bundles)
+    given = _given(source, path, fingers)  # refused before the light is simulated
     faults = faults_of(source.config, fault)
     with progress(quiet=as_json) as step:
         is_still = still and stage_link is None
         said, table = press_table(source, is_still=is_still, seed=seed, on_step=step)
-    printer = None if stage_link is None else _printer(said, table, path, out, still)
-    finger: Finger = TipFinger(printer) if printer else _path(said, table, path, still, out)
+    is_own = given is None and not still and out is None
+    printer = None if stage_link is None else _printer(said, table, is_own=is_own)
+    option = "--fingers" if path is None else "--path"
+    finger: Finger = TipFinger(printer) if printer else _path(said, table, given, option, still, out)
     board = FakeBoard(said, table, finger, faults=faults, seed=seed)
     wire, stage = _ports(printer, use_socket=socket, link=link, stage_link=stage_link)
+    apart_mm = None if given is None else _apart_mm(given)
     if as_json:
         document = {"port": wire.name, "design": said.design, "digest": said.digest, "faults": list(fault)}
-        print_json(document | ({} if stage is None else {"stage_port": stage.name}))
+        document |= {} if stage is None else {"stage_port": stage.name}
+        print_json(document | ({} if apart_mm is None else {"nearest_mm": apart_mm}))
     else:
         say(f"port      {wire.name}")
         if stage is not None:
             say(f"stage     {stage.name}: its tip barely touches the middle of the pad")
+        if apart_mm is not None:
+            say(f"fingers   two, which come within {apart_mm:g} mm of each other")
         say(f"try       optopad driver read {as_typed(config, set_)} --port {wire.name}")
     with stage or nullcontext():
         _serve(board, wire, seconds)
@@ -109,12 +124,33 @@ def _ports(
         raise
 
 
-def _printer(
-    said: DriverConfig, table: PressTable, path: Path | None, out: Path | None, still: bool
-) -> FakePrinter:
-    if path is not None or still or out is not None or not table.knows_presses:
+def _given(source: DriverSource, path: Path | None, fingers: int | None) -> FingerPath | None:
+    """The path that the options ask for; None for the usual demonstration.
+
+    A driver.toml does not have the tip. So fingers that overlap are refused only if the design itself is named.
+    """
+    if fingers not in (None, 1, 2):
+        raise InputError(f"--fingers: {fingers} is refused; give 1 or 2")
+    tip_radius_mm = 0.0 if source.design is None else source.design.indenter.tip_radius_mm
+    if path is not None:
+        if fingers is not None:
+            raise InputError(
+                "--fingers: --path was given, which has its own fingers; leave one of the two out"
+            )
+        return read_path(path, tip_radius_mm)
+    return two_finger_path(source.config.workspace, tip_radius_mm) if fingers == 2 else None
+
+
+def _apart_mm(path: FingerPath) -> float | None:
+    """Least distance of two fingers [mm]; None if the path has one, or if they never touch together."""
+    nearest_mm = float(path.nearest_mm().min(initial=math.inf))
+    return round(nearest_mm, 2) if math.isfinite(nearest_mm) else None
+
+
+def _printer(said: DriverConfig, table: PressTable, *, is_own: bool) -> FakePrinter:
+    if not is_own or not table.knows_presses:
         reason = (
-            "the tip is the finger; --path, --still and --out contradict that"
+            "the tip is the finger; --path, --fingers, --still and --out contradict that"
             if table.knows_presses
             else NO_PRESS
         )
@@ -124,12 +160,17 @@ def _printer(
 
 
 def _path(
-    said: DriverConfig, table: PressTable, path: Path | None, still: bool, out: Path | None
+    said: DriverConfig,
+    table: PressTable,
+    given: FingerPath | None,
+    option: str,
+    still: bool,
+    out: Path | None,
 ) -> FingerPath:
     is_still = still or not table.knows_presses
-    if path is not None and is_still:
-        raise InputError(f"--path: {'--still was given' if still else NO_PRESS}")
-    finger = read_path(path) if path is not None else NO_FINGER if is_still else demo_path(said.workspace)
+    if given is not None and is_still:
+        raise InputError(f"{option}: {'--still was given' if still else NO_PRESS}")
+    finger = given or (NO_FINGER if is_still else demo_path(said.workspace))
     if out is not None:
         write_text_atomically(out, finger.csv_text())
     return finger

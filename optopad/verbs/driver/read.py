@@ -24,6 +24,7 @@ from optopad.fabrication.driver.drift import GUARD_S, TIME_CONSTANT_S
 from optopad.fabrication.driver.sensor import BASELINE_S, Sensor
 from optopad.fabrication.driver.touch_reader import TouchReader
 from optopad.screen.live_sensor import (
+    contacts_json,
     frame_json,
     link_line,
     live_table,
@@ -58,6 +59,7 @@ def read(
     accept_digest: str | None = None,
     patience: float | None = None,
     model: Path | None = None,
+    touches: int | None = None,
     drift_time: float | None = None,
     guard: float | None = None,
     out: Path | None = None,
@@ -70,14 +72,18 @@ def read(
     Parameters
     ----------
     model : Show touch, location, depth and force by a trained model.
+    touches : With --model: 2 for up to two touches in a frame, with numbers.
     drift_time : With --model: time constant of drift (10 if left out).
     guard : With --model: time around a touch without drift correction (0.5 if left out).
     out : Write the JSON lines into a new file (.jsonl).
     as_json : JSON lines on standard output, one object per frame.
     """
-    _refuse_without_model(model, drift_time=drift_time, guard=guard)
+    drift = "whose drift correction it sets"
+    _refuse_without_model(model, drift, drift_time=drift_time, guard=guard)
+    _refuse_without_model(model, "which finds the touches", touches=touches)
+    most = 1 if touches is None else touches
     source = driver_source(config, set_, bundles)
-    trained = None if model is None else fitting_model(model, source.config)
+    trained = None if model is None else fitting_model(model, source.config, most)
     baseline_s = BASELINE_S if trained is None else 0.0  # a model's reader measures its own baseline
     with (
         _lines(out, as_json) as write,
@@ -94,7 +100,7 @@ def read(
             if trained is None:
                 _show(sensor, frames, seconds, write)
             else:
-                reader = _touch_reader(sensor, trained, drift_time, guard)
+                reader = _touch_reader(sensor, trained, most, drift_time, guard)
                 _show_touch(reader, frames, seconds, write)
         if not as_json:
             say(link_line(sensor))
@@ -112,21 +118,20 @@ def _show(
         follow(sensor, frames, seconds, quiet=False)
 
 
-def _refuse_without_model(model: Path | None, **given: float | None) -> None:
+def _refuse_without_model(model: Path | None, why: str, **given: float | None) -> None:
     for name, value in given.items():
         if model is None and value is not None:
             option = name.replace("_", "-")
-            raise InputError(
-                f"--{option}: {value:g} needs --model, whose drift correction it sets; add it, or drop --{option}"
-            )
+            raise InputError(f"--{option}: {value:g} needs --model, {why}; add it, or drop --{option}")
 
 
 def _touch_reader(
-    sensor: Sensor, model: TouchModel, drift_time: float | None, guard: float | None
+    sensor: Sensor, model: TouchModel, touches: int, drift_time: float | None, guard: float | None
 ) -> TouchReader:
     return TouchReader(
         sensor,
         model,
+        touches=touches,
         time_constant_s=TIME_CONSTANT_S if drift_time is None else drift_time,
         guard_s=GUARD_S if guard is None else guard,
     )
@@ -140,7 +145,8 @@ def _show_touch(
         print(note, file=sys.stderr)
     if write is not None:
         for touch in touches:
-            write(json.dumps(touch_json(touch)))
+            document = touch_json(touch)
+            write(json.dumps(document | contacts_json(touch) if reader.most_touches > 1 else document))
     elif sys.stdout.isatty():
         _drawn(reader.sensor, touches, lambda touch: touch_view(touch, reader))
     else:

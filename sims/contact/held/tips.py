@@ -102,8 +102,17 @@ def pressed_tips(contact: Contact, tips_mm: FloatArray) -> TipsPress:
     """
     require_apart(contact.draft, tips_mm)
     tips = touching(tips_mm)
+    if len(tips) > 1:
+        order = np.lexsort(tips.T)  # so exchanged tips have the same bits
+        found = _pressed(contact, tips[order])
+        return replace(found, force_n=found.force_n[order], alone_n=found.alone_n[order])
     if not len(tips):
         raise InputError("tips_mm: none has a depth above 0; give one or two that touch")
+    return _pressed(contact, tips)
+
+
+def _pressed(contact: Contact, tips: FloatArray) -> TipsPress:
+    """The press of one or two tips that touch."""
     pad = pad_at(contact, _frame_at(contact.draft, tips))
     if len(tips) > 1:
         _require_depth(contact, tips)

@@ -20,7 +20,7 @@ A pseudo reading keeps the touches apart: it is 0 unless the tips overlap.
 
 One or two
 ----------
-A frame has two touches if they explain it better than one by more than a threshold, under the same noise:
+A frame with a touch has two if they explain it better than one by more than a threshold, under the same noise:
 
     second score = ½ (χ²(best single touch) - χ²(best two touches)) - threshold.
 
@@ -76,7 +76,7 @@ class Touches:
     ----------
     count : (n,) number of touches, 0 to 2
     touch_score : (n,) score of touch against no touch, as of `Prediction` [-]
-    second_score : (n,) score of two touches against one [-]; above 0 there are two if there is touch
+    second_score : (n,) score of two touches against one [-]; above 0 there are two. Not computed without touch
     press_mm : (n, 2, 3) x, y, depth of each touch, the deeper first; NaN where absent [mm]
     sigma_mm : (n, 2, 3) standard deviations; NaN where absent [mm]
     force_n : (n, 2) force from the model's force curve, 0 where absent [N]; None if the model has no such curve
@@ -240,9 +240,13 @@ class TwoTouchSearch:
         model = self.single
         one = model.found(signals)
         touch_score = 0.5 * (one.untouched_square - one.square) - model.threshold
-        two, second_score = self._compared(signals, one)
-        is_double = (second_score > 0.0) & self._apart(two)
-        is_touched = (touch_score > 0.0) | is_double
+        is_touched, second_score = touch_score > 0.0, np.full(len(signals), -self.together.threshold)
+        two, is_double = np.zeros((len(signals), 6)), np.zeros(len(signals), np.bool_)
+        if is_touched.any():
+            two[is_touched], second_score[is_touched] = self._compared(
+                signals[is_touched], one.press_mm[is_touched]
+            )
+            is_double = (second_score > 0.0) & self._apart(two)
         press = np.full((len(signals), 2, 3), np.nan)
         sigma = np.full((len(signals), 2, 3), np.nan)
         single, double = is_touched & ~is_double, np.flatnonzero(is_double)
@@ -253,21 +257,21 @@ class TwoTouchSearch:
             press[double], sigma[double] = self._refined(signals[double], two[double])
         return Touches(
             count=is_touched.astype(np.int64) + is_double,
-            touch_score=np.where(is_double, np.maximum(touch_score, second_score), touch_score),
+            touch_score=touch_score,
             second_score=second_score,
             press_mm=press,
             sigma_mm=sigma,
             force_n=None,
         )
 
-    def _compared(self, signals: FloatArray, one: Found) -> tuple[FloatArray, FloatArray]:
-        """The best two touches (n, 6) of frames, and their second score (n,), from the best single touch."""
+    def _compared(self, signals: FloatArray, one: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The best two touches (n, 6) of frames, and their second score (n,), from the best single touch (n, 3)."""
         model, seen = self.single, self._seen(signals)
-        two = self._search(signals, seen, self.starts(signals, one.press_mm)).press_mm
+        two = self._search(signals, seen, self.starts(signals, one)).press_mm
         mean = self.answers(two)[0][:, :-1]
         fair = seen.softened(seen.own_deviations(signals - mean), OUTLIER)
         alone = found_presses(
-            model.answers, _Starts(chosen=one.press_mm[:, None]), model.box, signals, self._untouched, fair
+            model.answers, _Starts(chosen=one[:, None]), model.box, signals, self._untouched, fair
         ).press_mm
         gain = fair.square(signals - model.answers(alone)[0]) - fair.square(signals - mean)
         return two, 0.5 * gain - self.together.threshold

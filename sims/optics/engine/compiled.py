@@ -121,7 +121,7 @@ def bounce_matrix(
 
 @kernel
 def trace_once(
-    out: FloatArray, wanted: BoolArray, emitters: FloatArray, receivers: FloatArray, box: FloatArray, rows: FloatArray,
+    out: FloatArray, wanted: BoolArray, emitters: FloatArray, receivers: FloatArray, box: FloatArray, row: FloatArray,
     field: FloatArray, flat: UntouchedLight, scale: FloatArray, rules: StraightRules, image_rules: ImageRules,
     shifts: FloatArray, settings: FloatArray,
 ) -> None:  # fmt: skip
@@ -132,7 +132,7 @@ def trace_once(
         emitters,
         receivers,
         box,
-        Top(rows, field),
+        Top(row, field),
         flat,
         scale,
         rules,
@@ -144,13 +144,13 @@ def trace_once(
 
 @kernel
 def trace_further(
-    out: FloatArray, wanted: BoolArray, emitters: FloatArray, receivers: FloatArray, box: FloatArray, rows: FloatArray,
+    out: FloatArray, wanted: BoolArray, emitters: FloatArray, receivers: FloatArray, box: FloatArray, row: FloatArray,
     field: FloatArray, flat: UntouchedLight, scale: FloatArray, points: FloatArray, shifts: FloatArray,
     patches: Patches, reflectances: FloatArray, orders: Orders, settings: FloatArray, flat_rays: UntouchedRays,
 ) -> None:  # fmt: skip
     """Add to `out` the flux mirrored several times by the top, the flux mirrored by walls, and the scattered flux."""
     put_further(
-        out, wanted, emitters, receivers, box, Top(rows, field), flat, scale, points, shifts, patches, reflectances,
+        out, wanted, emitters, receivers, box, Top(row, field), flat, scale, points, shifts, patches, reflectances,
         orders, settings, flat_rays,
     )  # fmt: skip
 

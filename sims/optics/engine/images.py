@@ -36,7 +36,7 @@ from optopad.sims.optics.surface.tops import (
     place_on_top,
     ring_edge,
     surface_bend,
-    touching_tip,
+    touch,
 )
 
 FINEST = 96
@@ -202,7 +202,7 @@ def single_reflection(
                 sectors, box, top, rules, whole_ratio,
             )  # fmt: skip
             if flux >= 0.0:
-                _, share = touching_tip(x, y, top)
+                _, share = touch(x, y, top)
                 if not (skip_flat and is_beyond(x, y, top)):
                     for n in range(out.shape[0]):
                         out[n, 1 if share < 1.0 else 0] += flux

@@ -62,7 +62,7 @@ from optopad.sims.optics.surface.tops import (
     surface_bend,
     surface_gradient,
     top_point,
-    touching_tip,
+    touch,
 )
 
 INWARD = 0.97
@@ -170,25 +170,23 @@ def _may_be_shaded(px: float, py: float, pz: float, patch: FloatArray, box: Floa
     x0, y0, z = wall_point(int(patch[0]), patch[1] - patch[3], patch[2] + patch[4], box)
     x1, y1, _ = wall_point(int(patch[0]), patch[1] + patch[3], patch[2] + patch[4], box)
     run = max(plan_distance(x0, y0, x0, y0, px, py), plan_distance(x1, y1, x1, y1, px, py))
-    slope = top.rows[0, FIELD_SLOPE]
-    rows = top.rows
-    for k in range(rows.shape[0]):
-        if rows[k, ACTIVE] == 0.0:
-            continue
-        rx = px - rows[k, X]
-        ry = py - rows[k, Y]
-        if rx * (x0 - px) + ry * (y0 - py) >= 0.0 and rx * (x1 - px) + ry * (y1 - py) >= 0.0:
-            slope += fall_bound(rx * rx + ry * ry, k, rows)
-            continue
+    row = top.row
+    slope = row[FIELD_SLOPE]
+    rx = px - row[X]
+    ry = py - row[Y]
+    if row[ACTIVE] == 0.0:
+        pass
+    elif rx * (x0 - px) + ry * (y0 - py) >= 0.0 and rx * (x1 - px) + ry * (y1 - py) >= 0.0:
+        slope += fall_bound(rx * rx + ry * ry, row)
+    else:
         one = (x0 - px) * ry - (y0 - py) * rx
         two = (x1 - px) * ry - (y1 - py) * rx
         near = 0.0
         if one * two > 0.0:
             near = min(
-                plan_distance(px, py, x0, y0, rows[k, X], rows[k, Y]),
-                plan_distance(px, py, x1, y1, rows[k, X], rows[k, Y]),
+                plan_distance(px, py, x0, y0, row[X], row[Y]), plan_distance(px, py, x1, y1, row[X], row[Y])
             )
-        slope += slope_bound(near * near, k, rows)
+        slope += slope_bound(near * near, row)
     return pz - z < slope * run and not _is_above(px, py, pz, x0, y0, x1, y1, z, top)
 
 
@@ -196,24 +194,24 @@ def _may_be_shaded(px: float, py: float, pz: float, patch: FloatArray, box: Floa
 def _is_above(
     px: float, py: float, pz: float, x0: float, y0: float, x1: float, y1: float, z: float, top: Top,
 ) -> bool:  # fmt: skip
-    """Whether one tip's top is nowhere below the lines from its point p down to an edge from (x0, y0) to (x1, y1) at z.
+    """Whether the top is nowhere below the lines from its point p down to an edge from (x0, y0) to (x1, y1) at z.
 
     The lines are followed in parts of equal shares. In a part the top stays above them if its lowest point there is
     above their highest, or if it falls less steeply than they do. False means that neither bound shows it.
     """
-    rows = top.rows
+    row = top.row
     fall = pz - z
     qx = 0.5 * (x0 + x1) - px
     qy = 0.5 * (y0 + y1) - py
     half = 0.5 * distance(x1 - x0, y1 - y0)
     length = distance(qx, qy)
-    width = min(1.0 / max(rows[0, BLOCK_X], 1e-9), 1.0 / max(rows[0, BLOCK_Y], 1e-9))
-    if rows.shape[0] > 1 or fall <= 0.0 or half >= 0.8 * width:
+    width = min(1.0 / max(row[BLOCK_X], 1e-9), 1.0 / max(row[BLOCK_Y], 1e-9))
+    if fall <= 0.0 or half >= 0.8 * width:
         return False
     run = length + half
     parts = max(math.ceil(length / (2.0 * (width - half))), FEWEST_PARTS)
-    ax = px - rows[0, X]
-    ay = py - rows[0, Y]
+    ax = px - row[X]
+    ay = py - row[Y]
     nearest = -(ax * qx + ay * qy) / max(length * length, 1e-30)
     toward = min(ax * (x0 - px) + ay * (y0 - py), ax * (x1 - px) + ay * (y1 - py))
     least2 = plan_distance(x0, y0, x1, y1, px, py) ** 2
@@ -225,11 +223,11 @@ def _is_above(
         near = max(distance(ax + s * qx, ay + s * qy) - two * half, 0.0)
         near2 = near * near
         level = pz - one * fall - low
-        if level < rows[0, TOP] and reach2(level, 0, rows) <= near2:
+        if level < row[TOP] and reach2(level, row) <= near2:
             continue
         start = max(distance(ax + one * qx, ay + one * qy) - one * half, 1e-9)
         inward = min(max(-(toward + one * least2) / start, 0.0), run)
-        if (steep + fall_bound(near2, 0, rows)) * run + slope_bound(near2, 0, rows) * inward > fall:
+        if (steep + fall_bound(near2, row)) * run + slope_bound(near2, row) * inward > fall:
             return False
     return True
 
@@ -394,8 +392,8 @@ def pinhole(
     skip_flat : whether light from outside every deformed part is left out
     """
     px, py, pz, gx, gy, _, plan = top_point(sector, u, v, sectors, top)
-    tip, share = touching_tip(px, py, top)
-    if (tip >= 0 and u > 0.0) or (skip_flat and is_beyond(px, py, top)):
+    touches, share = touch(px, py, top)
+    if (touches and u > 0.0) or (skip_flat and is_beyond(px, py, top)):
         return 0.0, share
     ex, ey, ez = wall_point(int(source[0]), source[1], source[2], box)
     n0, n1 = wall_normal(int(source[0]))
@@ -470,8 +468,8 @@ def mirror_point(
 ) -> tuple[bool, float, float, float]:  # fmt: skip
     """Find the point where a path is mirrored, by Newton steps from (x, y); return whether found, x, y, det F_pp."""
     for _ in range(NEWTON_STEPS):
-        tip, _ = touching_tip(x, y, top)
-        if tip >= 0 or not (0.0 < x < box[0] and 0.0 < y < box[1]):
+        touches, _ = touch(x, y, top)
+        if touches or not (0.0 < x < box[0] and 0.0 < y < box[1]):
             return False, x, y, 0.0
         h, gx, gy, hxx, hxy, hyy = surface_bend(x, y, top)
         ax, ay, az = x - ex, y - ey, h - ez

@@ -142,13 +142,13 @@ def shares_on_tip(receivers: FloatArray, orders: Orders, box: FloatArray, top: T
     out = np.zeros((first, TIP_RINGS * TIP_SECTORS))
     found = np.empty(first + TIP_RINGS * TIP_SECTORS)
     seen = np.zeros(receivers.shape[0])
-    area = tip_patch_area(0, top.rows)
+    area = tip_patch_area(top.row)
     for m in range(out.shape[1]):
         for n in range(found.shape[0]):
             found[n] = 0.0
         for k in range(TIP_RAYS):
             point = golden_shift(m * TIP_RAYS + k + 1.0)
-            x, y = place_on_tip(m, point[0], point[1], 0, top.rows)
+            x, y = place_on_tip(m, point[0], point[1], top.row)
             z, gx, gy = surface_gradient(x, y, top)
             dx, dy, dz = _cosine_direction(point[2], point[3], gx, gy)
             norm = 1e-9 / math.sqrt(1.0 + gx * gx + gy * gy)
@@ -207,7 +207,7 @@ def first_hand_on_tip(
         p = lattice[a, b]
         at_point = 1.0 / max(p[AREA] * math.sqrt(1.0 + p[GX] * p[GX] + p[GY] * p[GY]), LEAST_AREA_MM2)
         at_cell = 1.0 / max(contact_cell_area(p, given.shape[1], sectors, top), LEAST_AREA_MM2)
-        patch = tip_patch(p[PX], p[PY], layout, 0, top.rows) - layout[TIP, 2]
+        patch = tip_patch(p[PX], p[PY], layout, top.row) - layout[TIP, 2]
         for j in range(taken.shape[0]):
             sums_r[j, patch] += taken[j, a, b]
         for i in range(given.shape[0]):
@@ -219,7 +219,7 @@ def first_hand_on_tip(
                 if taken[j, a, b] > 0.0:
                     by_point = not is_divided and parts_of(p, receivers[j], box) == 1
                     out[i, j] += given[i, a, b] * taken[j, a, b] * (at_point if by_point else at_cell)
-    per_patch = 1.0 / max(tip_patch_area(0, top.rows), LEAST_AREA_MM2)
+    per_patch = 1.0 / max(tip_patch_area(top.row), LEAST_AREA_MM2)
     for i in range(given.shape[0]):
         for j in range(taken.shape[0]):
             for patch in range(sums_e.shape[1]):

@@ -62,9 +62,8 @@ from optopad.sims.optics.surface.tops import (
     place_on_top,
     surface_gradient,
     surface_height,
-    touching_tip,
+    touch,
 )
-from optopad.sims.optics.surface.tops import TIP as TIP_OF
 
 
 @kernel
@@ -162,34 +161,34 @@ def layout_of(box: FloatArray, size: float) -> IntArray:
 
 
 @kernel
-def tip_patch(x: float, y: float, layout: IntArray, tip: int, rows: FloatArray) -> int:
+def tip_patch(x: float, y: float, layout: IntArray, row: FloatArray) -> int:
     """Index of the tip's patch at a point: rings of equal area, a wrapped shank included, are divided by angle."""
-    px = x - rows[tip, X]
-    py = y - rows[tip, Y]
+    px = x - row[X]
+    py = y - row[Y]
     r2 = px * px + py * py
     part = 0
-    while part < CONTACT_PARTS - 1 and rows[tip, CONTACT + part + 1] < r2:
+    while part < CONTACT_PARTS - 1 and row[CONTACT + part + 1] < r2:
         part += 1
-    low = rows[tip, CONTACT + part]
-    share = (part + (r2 - low) / (rows[tip, CONTACT + part + 1] - low)) / CONTACT_PARTS
+    low = row[CONTACT + part]
+    share = (part + (r2 - low) / (row[CONTACT + part + 1] - low)) / CONTACT_PARTS
     a = min(int((math.atan2(py, px) / (2.0 * math.pi) + 0.5) * TIP_SECTORS), TIP_SECTORS - 1)
     b = min(int(share * TIP_RINGS), TIP_RINGS - 1)
     return layout[TIP, 2] + b * layout[TIP, 0] + a
 
 
 @kernel
-def place_on_tip(patch: int, one: float, two: float, tip: int, rows: FloatArray) -> tuple[float, float]:
+def place_on_tip(patch: int, one: float, two: float, row: FloatArray) -> tuple[float, float]:
     """Point (x, y) on one of the tip's patches, at a fraction of its area outward and of its angle."""
-    r2, _ = contact_radius_2((patch // TIP_SECTORS + one) / TIP_RINGS, tip, rows)
+    r2, _ = contact_radius_2((patch // TIP_SECTORS + one) / TIP_RINGS, row)
     r = math.sqrt(r2)
     angle = 2.0 * math.pi * ((patch % TIP_SECTORS + two) / TIP_SECTORS - 0.5)
-    return rows[tip, X] + r * math.cos(angle), rows[tip, Y] + r * math.sin(angle)
+    return row[X] + r * math.cos(angle), row[Y] + r * math.sin(angle)
 
 
 @kernel
-def tip_patch_area(tip: int, rows: FloatArray) -> float:
+def tip_patch_area(row: FloatArray) -> float:
     """Area of each of a tip's patches, which are equal [mm²]."""
-    return rows[tip, CONTACT_AREA] / (TIP_RINGS * TIP_SECTORS)
+    return row[CONTACT_AREA] / (TIP_RINGS * TIP_SECTORS)
 
 
 @kernel
@@ -199,7 +198,7 @@ def add_deposit(
 ) -> None:  # fmt: skip
     """Add a weight to the patches around a point of a wall, the bottom or the tip."""
     if kind == TIP:
-        out[tip_patch(x, y, layout, 0, top.rows)] += weight
+        out[tip_patch(x, y, layout, top.row)] += weight
         return
     columns = layout[kind, 0]
     rows = layout[kind, 1]
@@ -361,7 +360,7 @@ def join_on_tip(
     total = 0.0
     for n in range(layout[TIP, 2], layout[TIP, 2] + layout[TIP, 0] * layout[TIP, 1]):
         total += from_emitter[n] * from_receiver[n]
-    area = tip_patch_area(0, top.rows)
+    area = tip_patch_area(top.row)
     return total / area * reflectances[TIP] * receiver_area if area > 1e-9 else 0.0
 
 
@@ -478,10 +477,10 @@ def put_on_top(row: FloatArray, u: float, v: float, share: float, sectors: Float
     row[AREA] = area * share
     row[FLAT] = 0.0
     if row[TOUCHED] == 0.0:
-        tip, _ = touching_tip(row[PX], row[PY], top)
-        if tip >= 0:
+        touches, _ = touch(row[PX], row[PY], top)
+        if touches:
             row[AREA] = 0.0
-        row[FLAT] = 1.0 if top.rows[0, FIELD_ON] == 0.0 and is_beyond(row[PX], row[PY], top) else 0.0
+        row[FLAT] = 1.0 if top.row[FIELD_ON] == 0.0 and is_beyond(row[PX], row[PY], top) else 0.0
     row[PZ], row[GX], row[GY] = surface_gradient(row[PX], row[PY], top)
 
 
@@ -494,7 +493,7 @@ def contact_cell_area(row: FloatArray, rings: int, sectors: FloatArray, top: Top
     x1 = sectors[k, AX] + row[V1] * sectors[k, BX]
     y1 = sectors[k, AY] + row[V1] * sectors[k, BY]
     angle = math.atan2(x0 * y1 - y0 * x1, x0 * x1 + y0 * y1)
-    return top.rows[int(sectors[k, TIP_OF]), CONTACT_AREA] / rings * angle / (2.0 * math.pi)
+    return top.row[CONTACT_AREA] / rings * angle / (2.0 * math.pi)
 
 
 @kernel
@@ -596,7 +595,7 @@ def top_change(
     echoes : (row, column, 5) end of the ray by way of each cell: of several rays, the brightest one that is mirrored
         again; in the contact, the light of all rays
     """
-    height = top.rows[0, TOP]
+    height = top.row[TOP]
     least = ray_share * _whole_power(source) / (lattice.shape[0] * lattice.shape[1])
     n = 0
     for a in range(lattice.shape[0]):

@@ -33,7 +33,7 @@ from optopad.sims.optics.engine.scattered import (
     lattice_points,
     top_change,
 )
-from optopad.sims.optics.engine.straight import TIP, direct_flux, misses_all, reach_of
+from optopad.sims.optics.engine.straight import TIP, direct_flux, misses, reach_of
 from optopad.sims.optics.kernel_types import (
     ImageRules,
     Orders,
@@ -45,9 +45,9 @@ from optopad.sims.optics.kernel_types import (
 from optopad.sims.optics.surface.curves import OUTER_R
 from optopad.sims.optics.surface.radial import array_kernel, kernel
 from optopad.sims.optics.surface.tops import (
-    FIELD_ON,
     Top,
     columns_of,
+    is_plain,
     is_touched,
     sectors_of,
     top_middles,
@@ -82,7 +82,6 @@ def straight(
     flux, the untouched mirrored flux, and a correction factor for direct flux.
     """
     nodes_e, weights_e, nodes_u, weights_u, nodes_z, weights_z = rules
-    radii = np.empty(top.rows.shape[0])
     for i in range(emitters.shape[0]):
         for j in range(receivers.shape[0]):
             keeps[i, j] = False
@@ -90,14 +89,14 @@ def straight(
                 continue
             e = emitters[i]
             r = receivers[j]
-            reach_of(max(e[2] + e[4], r[2] + r[4]), top, radii)
-            if misses_all(e, r, radii, box, top):
+            radius = reach_of(max(e[2] + e[4], r[2] + r[4]), top)
+            if misses(e, r, radius, box, top):
                 out[DIRECT, i, j] = flat[0, i, j]
             else:
                 out[DIRECT, i, j] = flat[2, i, j] * direct_flux(
-                    e, r, radii, box, top, nodes_e, weights_e, nodes_u, weights_u, nodes_z, weights_z
+                    e, r, radius, box, top, nodes_e, weights_e, nodes_u, weights_u, nodes_z, weights_z
                 )
-            if top.rows[0, FIELD_ON] == 0.0 and misses_all(e, r, top.rows[:, OUTER_R], box, top):
+            if is_plain(top) and misses(e, r, top.row[OUTER_R], box, top):
                 out[TOPS, i, j] = flat[1, i, j]
                 keeps[i, j] = True
 

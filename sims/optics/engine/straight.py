@@ -9,16 +9,16 @@ one half plane at a time; w allows a point behind the eye.
 A ray and the top
 -----------------
 A march along a ray finds an interval in which the ray crosses the top, and Newton's steps find the point. The top is
-the sum of every tip's curve and of a smooth field (`optopad.sims.optics.surface.tops`). The gap g(t) = h(x(t), y(t)) -
+the sum of the tip's curve and of a smooth field (`optopad.sims.optics.surface.tops`). The gap g(t) = h(x(t), y(t)) -
 z(t) closes at most at the rate dz + M |d_plan|, with M the largest slope of the surface still ahead (of its falling
 part once the ray moves outward). So a step of g divided by that rate cannot jump over a crossing. Nor can a step to the
 root of g + g' s - K |d_plan|^2 s^2 / 2, with K the largest bend (downward curvature) ahead; the longer of both is
 taken. No step is shorter than `MIN_STEP_MM`, so a ray that passes through the tip for less than this length is missed
 (less than 2e-5 mm deep in a 3 mm tip).
 
-With one tip and no field, the top is a plane beyond the outer radius and needs no steps there. A ray below the
-undisturbed top is followed only where the top may come below the ray's highest point. With one tip and a field, which
-is a pad's usual top, slopes and bends of both are added. With several tips only slopes are used.
+Without a field, the top is a plane beyond the outer radius and needs no steps there. A ray below the undisturbed top is
+followed only where the top may come below the ray's highest point. With a field, which is a pad's usual top, slopes and
+bends of both are added.
 
 Direct light
 ------------
@@ -28,9 +28,8 @@ through emitter point e and a column, the top's horizon is
 
     Z* = z_e + min over the chord of (h(s) - z_e) / s,     s = fraction of the way in plan,
 
-and direct light is visible below Z*. For several tips the lowest of their horizons is used. Patches, here the faces of
-emitters and receivers, are clipped to the clear layer. Reflection at the top follows Fresnel, absorption along the path
-Beer and Lambert.
+and direct light is visible below Z*. Patches, here the faces of emitters and receivers, are clipped to the clear layer.
+Reflection at the top follows Fresnel, absorption along the path Beer and Lambert.
 """
 
 from __future__ import annotations
@@ -62,7 +61,6 @@ from optopad.sims.optics.surface.curves import (
 from optopad.sims.optics.surface.radial import (
     NEVER,
     distance,
-    fall_bound,
     fresnel,
     height,
     height_and_slope,
@@ -85,7 +83,7 @@ from optopad.sims.optics.surface.tops import (
     is_plain,
     surface_gradient,
     surface_height,
-    touching_tip,
+    touch,
 )
 
 
@@ -169,10 +167,8 @@ def crossing(
 ) -> tuple[float, float]:
     """Interval within distances [t0, t1] in which a ray rises through the top; (t0, -1) if there is none."""
     if is_plain(top):
-        return march(x, y, z, dx, dy, dz, t0, t1, True, 0, top.rows)
-    if top.rows.shape[0] == 1:
-        return march_field(x, y, z, dx, dy, dz, t0, t1, True, top)
-    return march_any(x, y, z, dx, dy, dz, t0, t1, top)
+        return march(x, y, z, dx, dy, dz, t0, t1, True, top.row)
+    return march_field(x, y, z, dx, dy, dz, t0, t1, True, top)
 
 
 @kernel
@@ -187,26 +183,23 @@ def is_clear(x: float, y: float, z: float, dx: float, dy: float, dz: float, leng
 def top_hit(x: float, y: float, z: float, dx: float, dy: float, dz: float, t1: float, top: Top) -> float:
     """First distance in (0, t1) where the ray meets the top [mm]; -1 if it does not."""
     if is_plain(top):
-        return _tip_hit(x, y, z, dx, dy, dz, t1, top.rows)
-    return _any_hit(x, y, z, dx, dy, dz, t1, top)
+        return _tip_hit(x, y, z, dx, dy, dz, t1, top.row)
+    return _field_hit(x, y, z, dx, dy, dz, t1, top)
 
 
 @kernel
 def _tip_hit(
-    x: float, y: float, z: float, dx: float, dy: float, dz: float, t1: float, rows: FloatArray
+    x: float, y: float, z: float, dx: float, dy: float, dz: float, t1: float, row: FloatArray
 ) -> float:
-    """`top_hit` for one tip and no field."""
-    low, high = march(x, y, z, dx, dy, dz, 0.0, t1, False, 0, rows)
-    return high if high <= low else _refined(x, y, z, dx, dy, dz, low, high, rows)
+    """`top_hit` without a field."""
+    low, high = march(x, y, z, dx, dy, dz, 0.0, t1, False, row)
+    return high if high <= low else _refined(x, y, z, dx, dy, dz, low, high, row)
 
 
 @kernel
-def _any_hit(x: float, y: float, z: float, dx: float, dy: float, dz: float, t1: float, top: Top) -> float:
-    """`top_hit` for several tips or a field, by Newton's steps, or by halving where a step leaves the interval."""
-    if top.rows.shape[0] == 1:
-        low, high = march_field(x, y, z, dx, dy, dz, 0.0, t1, False, top)
-    else:
-        low, high = march_any(x, y, z, dx, dy, dz, 0.0, t1, top)
+def _field_hit(x: float, y: float, z: float, dx: float, dy: float, dz: float, t1: float, top: Top) -> float:
+    """`top_hit` with a field, by Newton's steps, or by halving where a step leaves the interval."""
+    low, high = march_field(x, y, z, dx, dy, dz, 0.0, t1, False, top)
     if high <= low:
         return high
     t = high
@@ -230,18 +223,18 @@ def _any_hit(x: float, y: float, z: float, dx: float, dy: float, dz: float, t1: 
 
 @inlined
 def _refined(
-    x: float, y: float, z: float, dx: float, dy: float, dz: float, low: float, high: float, rows: FloatArray
+    x: float, y: float, z: float, dx: float, dy: float, dz: float, low: float, high: float, row: FloatArray
 ) -> float:
     """Distance in an interval at which a ray crosses one tip's top, by Newton's steps, halved if they leave it."""
-    px = x - rows[0, X]
-    py = y - rows[0, Y]
+    px = x - row[X]
+    py = y - row[Y]
     plan2 = dx * dx + dy * dy
     b = px * dx + py * dy
     c = px * px + py * py
     t = high
     for _ in range(60):
         r2 = max(c + t * (2.0 * b + plan2 * t), 0.0)
-        h, turn = height_and_slope(r2, 0, rows)
+        h, turn = height_and_slope(r2, row)
         gap = h - z - dz * t
         if abs(gap) < CLOSED_MM:
             break
@@ -283,8 +276,8 @@ def chain(
         weight *= math.exp(-box[4] * t)
         if hit < 0.0:
             return kind, x, y, z, dx, dy, dz, weight, tops, nearest
-        tip, share = touching_tip(x, y, top)
-        if tip >= 0:
+        touches, share = touch(x, y, top)
+        if touches:
             return TIP, x, y, z, dx, dy, dz, weight, tops, nearest
         _, gx, gy = surface_gradient(x, y, top)
         norm = 1.0 / math.sqrt(1.0 + gx * gx + gy * gy)
@@ -309,9 +302,6 @@ def chain(
 MIN_STEP_MM = 0.02
 LEAST_BEND = 1e-12
 """Added to divisors so that none is 0 [1/mm]."""
-NEAREST_AHEAD_MM, AHEAD_SHARE = 0.25, 0.35
-"""Distance ahead for which slopes are bounded in a step towards one of several tips: the larger of this many mm and
-this share of the distance to the tip's axis."""
 
 
 @inlined
@@ -325,8 +315,8 @@ def _plane_hit(z: float, dz: float, t0: float, t1: float, top: float) -> float:
 
 @inlined
 def march(
-    x: float, y: float, z: float, dx: float, dy: float, dz: float, t0: float, t1: float, takes_any: bool, tip: int,
-    rows: FloatArray,
+    x: float, y: float, z: float, dx: float, dy: float, dz: float, t0: float, t1: float, takes_any: bool,
+    row: FloatArray,
 ) -> tuple[float, float]:  # fmt: skip
     """Interval within [t0, t1] in which a ray first rises through one tip's top; (t0, -1) if there is none.
 
@@ -334,55 +324,55 @@ def march(
         the axis
     """
     highest = max(z + dz * t0, z + dz * t1)
-    if highest < rows[tip, LOWEST]:
+    if highest < row[LOWEST]:
         return t0, -1.0
-    px = x - rows[tip, X]
-    py = y - rows[tip, Y]
+    px = x - row[X]
+    py = y - row[Y]
     plan2 = max(dx * dx + dy * dy, 1e-20)
     closest = -(px * dx + py * dy) / plan2
     c = px * px + py * py
     near2 = max(c - plan2 * closest * closest, 0.0)
-    outer2 = rows[tip, OUTER_2] if highest >= rows[tip, TOP] else reach2(highest, tip, rows)
+    outer2 = row[OUTER_2] if highest >= row[TOP] else reach2(highest, row)
     if near2 >= outer2:
-        hit = _plane_hit(z, dz, t0, t1, rows[tip, TOP])
+        hit = _plane_hit(z, dz, t0, t1, row[TOP])
         return (t0, hit) if hit < 0.0 else (hit, hit)
     half = math.sqrt((outer2 - near2) / plan2)
     t = max(t0, closest - half)
     end = min(t1, closest + half)
     if t > t0:
-        hit = _plane_hit(z, dz, t0, min(t, t1), rows[tip, TOP])
+        hit = _plane_hit(z, dz, t0, min(t, t1), row[TOP])
         if hit >= 0.0:
             return hit, hit
     if t < end:
         if takes_any:
             middle = min(max(t, closest), end)
             away = middle - closest
-            if height(near2 + plan2 * away * away, tip, rows) < z + dz * middle:
+            if height(near2 + plan2 * away * away, row) < z + dz * middle:
                 return t, middle
-        low, high = _march_within(z, dz, t, end, closest, near2, plan2, tip, rows)
+        low, high = _march_within(z, dz, t, end, closest, near2, plan2, row)
         if high >= 0.0:
             return low, high
     if end < t1:
-        hit = _plane_hit(z, dz, max(end, t0), t1, rows[tip, TOP])
+        hit = _plane_hit(z, dz, max(end, t0), t1, row[TOP])
         if hit >= 0.0:
             return hit, hit
     return t0, -1.0
 
 
 @inlined
-def _on_curve(r2: float, tip: int, rows: FloatArray) -> tuple[float, float, int]:
+def _on_curve(r2: float, row: FloatArray) -> tuple[float, float, int]:
     """Height of one tip's top within its outer radius, (dh/dr) / r, and the column where its piece begins."""
-    if r2 <= rows[tip, SPHERE_2]:
-        root = math.sqrt(rows[tip, TIP_2] - r2)
-        return rows[tip, SPHERE_Z] - root, 1.0 / root, PIECES
-    w = math.sqrt(rows[tip, SCALE] * r2 + rows[tip, OFFSET])
-    u = w - rows[tip, START]
+    if r2 <= row[SPHERE_2]:
+        root = math.sqrt(row[TIP_2] - r2)
+        return row[SPHERE_Z] - root, 1.0 / root, PIECES
+    w = math.sqrt(row[SCALE] * r2 + row[OFFSET])
+    u = w - row[START]
     k = min(int(u), CELLS - 1)
     u -= k
     piece = PIECES + PIECE_COLUMNS * k
-    c1, c2, c3 = rows[tip, piece + 1], rows[tip, piece + 2], rows[tip, piece + 3]
-    turn = (c1 + u * (2.0 * c2 + u * 3.0 * c3)) * rows[tip, SCALE] / w
-    return rows[tip, piece] + u * (c1 + u * (c2 + u * c3)), turn, piece
+    c1, c2, c3 = row[piece + 1], row[piece + 2], row[piece + 3]
+    turn = (c1 + u * (2.0 * c2 + u * 3.0 * c3)) * row[SCALE] / w
+    return row[piece] + u * (c1 + u * (c2 + u * c3)), turn, piece
 
 
 @inlined
@@ -397,28 +387,28 @@ def _bent_step(gap: float, opening: float, bend: float) -> float:
 
 @inlined
 def _march_within(
-    z: float, dz: float, t: float, end: float, closest: float, near2: float, plan2: float, tip: int, rows: FloatArray,
+    z: float, dz: float, t: float, end: float, closest: float, near2: float, plan2: float, row: FloatArray,
 ) -> tuple[float, float]:  # fmt: skip
     """Interval of the first crossing in [t, end], within a tip's outer radius; its upper end is -1 if there is none."""
     plan = math.sqrt(plan2)
-    inward_rate = dz + slope_bound(near2, tip, rows) * plan
+    inward_rate = dz + slope_bound(near2, row) * plan
     previous = t
     while True:
         away = t - closest
         r2 = near2 + plan2 * away * away
-        if r2 >= rows[tip, OUTER_2]:
-            gap, turn, piece = rows[tip, TOP], 0.0, PIECES + PIECE_COLUMNS * (CELLS - 1)
+        if r2 >= row[OUTER_2]:
+            gap, turn, piece = row[TOP], 0.0, PIECES + PIECE_COLUMNS * (CELLS - 1)
         else:
-            gap, turn, piece = _on_curve(r2, tip, rows)
+            gap, turn, piece = _on_curve(r2, row)
         gap -= z + dz * t
         if gap < 0.0:
             return previous, t
-        rate = inward_rate if away < 0.0 else dz + rows[tip, piece + FALL] * plan
+        rate = inward_rate if away < 0.0 else dz + row[piece + FALL] * plan
         if rate <= 0.0:
             return t, -1.0
-        step = _bent_step(gap, turn * plan2 * away - dz, rows[tip, piece + BEND] * plan2 + LEAST_BEND)
+        step = _bent_step(gap, turn * plan2 * away - dz, row[piece + BEND] * plan2 + LEAST_BEND)
         if away < 0.0:
-            step = min(step, rows[tip, piece + WINDOW] / plan)
+            step = min(step, row[piece + WINDOW] / plan)
         step = max(step, gap / rate)
         if t + step >= end:
             return t, -1.0
@@ -431,19 +421,19 @@ def march_field(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, t0: float, t1: float, takes_any: bool, top: Top,
 ) -> tuple[float, float]:  # fmt: skip
     """Interval of a crossing, as `march` returns it, for one tip and a smooth field, whose slopes and bends add up."""
-    rows = top.rows
-    reach = max(z + dz * t0, z + dz * t1) - rows[0, FIELD_LOWEST]
-    if reach < rows[0, LOWEST]:
+    row = top.row
+    reach = max(z + dz * t0, z + dz * t1) - row[FIELD_LOWEST]
+    if reach < row[LOWEST]:
         return t0, -1.0
-    px = x - rows[0, X]
-    py = y - rows[0, Y]
+    px = x - row[X]
+    py = y - row[Y]
     plan2 = max(dx * dx + dy * dy, 1e-20)
     closest = -(px * dx + py * dy) / plan2
     near2 = max(px * px + py * py - plan2 * closest * closest, 0.0)
     t = t0
     end = t1
-    if reach < rows[0, TOP]:
-        within2 = reach2(reach, 0, rows)
+    if reach < row[TOP]:
+        within2 = reach2(reach, row)
         if near2 >= within2:
             return t0, -1.0
         half = math.sqrt((within2 - near2) / plan2)
@@ -464,27 +454,27 @@ def _march_on_field(
     plan2: float, top: Top,
 ) -> tuple[float, float]:  # fmt: skip
     """Interval of the first crossing in [t, end], for one tip and a field; its upper end is -1 if there is none."""
-    rows = top.rows
+    row = top.row
     plan = math.sqrt(plan2)
-    outer2 = rows[0, OUTER_2]
+    outer2 = row[OUTER_2]
     entry = closest - math.sqrt(max(outer2 - near2, 0.0) / plan2)
-    field_rate = dz + rows[0, FIELD_SLOPE] * plan
-    inward_rate = field_rate + slope_bound(near2, 0, rows) * plan
-    field_bend = rows[0, FIELD_BEND] * plan2 + LEAST_BEND
+    field_rate = dz + row[FIELD_SLOPE] * plan
+    inward_rate = field_rate + slope_bound(near2, row) * plan
+    field_bend = row[FIELD_BEND] * plan2 + LEAST_BEND
     previous = t
     while True:
         away = t - closest
         r2 = near2 + plan2 * away * away
         # a ray that falls is clear if the tip's curve is nowhere below its height from here on
         if dz < 0.0:
-            level = z + dz * t - rows[0, FIELD_LOWEST]
-            if level < rows[0, TOP] and reach2(level, 0, rows) <= (near2 if away < 0.0 else r2):
+            level = z + dz * t - row[FIELD_LOWEST]
+            if level < row[TOP] and reach2(level, row) <= (near2 if away < 0.0 else r2):
                 return t, -1.0
         gap, gx, gy = field_gradient(x + dx * t, y + dy * t, top)
         gap -= z + dz * t
         opening = gx * dx + gy * dy - dz
         if r2 >= outer2:
-            gap += rows[0, TOP]
+            gap += row[TOP]
             goes_in = away < 0.0 and near2 < outer2
             rate = inward_rate if goes_in else field_rate
             window = max(entry - t, MIN_STEP_MM) if goes_in else NEVER
@@ -494,68 +484,20 @@ def _march_on_field(
                 return t, -1.0
             step = max(_bent_step(gap, opening, field_bend), gap / field_rate if field_rate > 0.0 else NEVER)
         else:
-            height_mm, turn, piece = _on_curve(r2, 0, rows)
+            height_mm, turn, piece = _on_curve(r2, row)
             gap += height_mm
-            rate = inward_rate if away < 0.0 else field_rate + rows[0, piece + FALL] * plan
-            window = rows[0, piece + WINDOW] / plan if away < 0.0 else NEVER
+            rate = inward_rate if away < 0.0 else field_rate + row[piece + FALL] * plan
+            window = row[piece + WINDOW] / plan if away < 0.0 else NEVER
             if gap < 0.0:
                 return previous, t
             if rate <= 0.0:
                 return t, -1.0
-            step = _bent_step(gap, opening + turn * plan2 * away, field_bend + rows[0, piece + BEND] * plan2)
+            step = _bent_step(gap, opening + turn * plan2 * away, field_bend + row[piece + BEND] * plan2)
         step = max(min(step, window), gap / rate)
         if t + step >= end:
             return t, -1.0
         previous = t
         t = min(t + max(step, MIN_STEP_MM), end)
-
-
-@kernel
-def march_any(
-    x: float, y: float, z: float, dx: float, dy: float, dz: float, t0: float, t1: float, top: Top
-) -> tuple[float, float]:
-    """Interval of a crossing, as `march` returns it, for several tips and a field, whose slopes add up."""
-    tips = top.rows.shape[0]
-    lowest = top.rows[0, FIELD_LOWEST]
-    for k in range(tips):
-        lowest += min(top.rows[k, LOWEST], top.rows[k, TOP]) - (top.rows[k, TOP] if k > 0 else 0.0)
-    if max(z + dz * t0, z + dz * t1) < lowest:
-        return t0, -1.0
-    plan = math.sqrt(dx * dx + dy * dy)
-    t = t0
-    if dz > 0.0:
-        t = max(t, min((lowest - z) / dz, t1))
-    previous = t
-    while True:
-        px = x + dx * t
-        py = y + dy * t
-        gap = surface_height(px, py, top) - (z + dz * t)
-        if gap < 0.0:
-            return previous, t
-        if t >= t1:
-            return t, -1.0
-        previous = t
-        window = 1e9
-        slope = top.rows[0, FIELD_SLOPE]
-        for k in range(tips):
-            if top.rows[k, ACTIVE] == 0.0:
-                continue
-            rx = px - top.rows[k, X]
-            ry = py - top.rows[k, Y]
-            r = distance(rx, ry)
-            if rx * dx + ry * dy >= 0.0:
-                slope += fall_bound(r * r, k, top.rows)
-            else:
-                ahead = max(NEAREST_AHEAD_MM, AHEAD_SHARE * r)
-                window = min(window, ahead)
-                slope += slope_bound(max(r - ahead, 0.0) ** 2, k, top.rows)
-        rate = dz + slope * plan
-        if rate <= 0.0 and window > 1e8:
-            return t, -1.0
-        step = gap / rate if rate > 0.0 else 1e9
-        if plan > 0.0:
-            step = min(step, window / plan)
-        t = min(t + max(step, MIN_STEP_MM), t1)
 
 
 HORIZON_SAMPLES = 14
@@ -565,11 +507,11 @@ OPEN = 1e9
 
 
 @kernel
-def blocking_radius(z: float, tip: int, rows: FloatArray) -> float:
+def blocking_radius(z: float, row: FloatArray) -> float:
     """Radius beyond which one tip's top is nowhere below z [mm]; -1 if it is nowhere below z at any radius."""
-    if rows[tip, ACTIVE] == 0.0 or z <= rows[tip, LOWEST]:
+    if row[ACTIVE] == 0.0 or z <= row[LOWEST]:
         return -1.0
-    return math.sqrt(reach2(z, tip, rows)) if z < rows[tip, TOP] else rows[tip, OUTER_R]
+    return math.sqrt(reach2(z, row)) if z < row[TOP] else row[OUTER_R]
 
 
 @kernel
@@ -608,26 +550,20 @@ def _left_of(ax: float, ay: float, bx: float, by: float, cx: float, cy: float) -
 
 
 @kernel
-def reach_of(z: float, top: Top, radii: FloatArray) -> None:
-    """Fill `radii` (tip,) with radii beyond which a tip's dimple cannot block a line that stays below z [mm]."""
-    for k in range(top.rows.shape[0]):
-        radii[k] = blocking_radius(z + top.rows[0, SLACK], k, top.rows)
+def reach_of(z: float, top: Top) -> float:
+    """Radius beyond which the dimple cannot block a line that stays below z [mm]."""
+    return blocking_radius(z + top.row[SLACK], top.row)
 
 
 @kernel
-def misses_all(source: FloatArray, target: FloatArray, radii: FloatArray, box: FloatArray, top: Top) -> bool:
-    """Whether all straight lines between two patches stay outside every tip's radius in plan."""
-    for k in range(top.rows.shape[0]):
-        if top.rows[k, ACTIVE] > 0.0 and not bundle_misses(
-            source, target, radii[k], box, top.rows[k, X], top.rows[k, Y]
-        ):
-            return False
-    return True
+def misses(source: FloatArray, target: FloatArray, radius: float, box: FloatArray, top: Top) -> bool:
+    """Whether all straight lines between two patches stay outside a radius around the tip's axis in plan."""
+    return top.row[ACTIVE] == 0.0 or bundle_misses(source, target, radius, box, top.row[X], top.row[Y])
 
 
 @kernel
-def _rise(s: float, b: float, c: float, a: float, z: float, tip: int, rows: FloatArray) -> float:
-    return (height(max(a * s * s + 2.0 * b * s + c, 0.0), tip, rows) - z) / s
+def _rise(s: float, b: float, c: float, a: float, z: float, row: FloatArray) -> float:
+    return (height(max(a * s * s + 2.0 * b * s + c, 0.0), row) - z) / s
 
 
 @kernel
@@ -636,25 +572,18 @@ def _rise_any(s: float, x: float, y: float, dx: float, dy: float, z: float, top:
 
 
 @kernel
-def horizon(x: float, y: float, z: float, qx: float, qy: float, radii: FloatArray, top: Top) -> float:
-    """Height at (qx, qy) below which the straight line from (x, y, z) passes under the top; OPEN if any height does."""
-    lowest = OPEN
-    for k in range(top.rows.shape[0]):
-        if radii[k] > 0.0:
-            lowest = min(lowest, _horizon_of(k, x, y, z, qx, qy, radii[k], top))
-    return lowest
+def horizon(x: float, y: float, z: float, qx: float, qy: float, radius: float, top: Top) -> float:
+    """Height at (qx, qy) below which the straight line from (x, y, z) passes under the top; OPEN if any height does.
 
-
-@kernel
-def _horizon_of(
-    tip: int, x: float, y: float, z: float, qx: float, qy: float, radius: float, top: Top
-) -> float:
-    """Result of `horizon` for only the part of the line within `radius` of one tip's axis."""
+    radius : `reach_of` the line's heights; only the part of the line within this radius of the tip's axis counts
+    """
+    if radius <= 0.0:
+        return OPEN
     plain = is_plain(top)
     dx = qx - x
     dy = qy - y
-    px = x - top.rows[tip, X]
-    py = y - top.rows[tip, Y]
+    px = x - top.row[X]
+    py = y - top.row[Y]
     a = dx * dx + dy * dy
     b = px * dx + py * dy
     c = px * px + py * py
@@ -671,7 +600,7 @@ def _horizon_of(
     at = 0
     for k in range(HORIZON_SAMPLES + 1):
         s = low + step * k
-        value = _rise(s, b, c, a, z, tip, top.rows) if plain else _rise_any(s, x, y, dx, dy, z, top)
+        value = _rise(s, b, c, a, z, top.row) if plain else _rise_any(s, x, y, dx, dy, z, top)
         if value < best:
             best = value
             at = k
@@ -679,21 +608,21 @@ def _horizon_of(
     right = low + step * min(at + 1, HORIZON_SAMPLES)
     s1 = right - GOLDEN * (right - left)
     s2 = left + GOLDEN * (right - left)
-    f1 = _rise(s1, b, c, a, z, tip, top.rows) if plain else _rise_any(s1, x, y, dx, dy, z, top)
-    f2 = _rise(s2, b, c, a, z, tip, top.rows) if plain else _rise_any(s2, x, y, dx, dy, z, top)
+    f1 = _rise(s1, b, c, a, z, top.row) if plain else _rise_any(s1, x, y, dx, dy, z, top)
+    f2 = _rise(s2, b, c, a, z, top.row) if plain else _rise_any(s2, x, y, dx, dy, z, top)
     for _ in range(HORIZON_BISECTIONS):
         if f1 < f2:
             right = s2
             s2 = s1
             f2 = f1
             s1 = right - GOLDEN * (right - left)
-            f1 = _rise(s1, b, c, a, z, tip, top.rows) if plain else _rise_any(s1, x, y, dx, dy, z, top)
+            f1 = _rise(s1, b, c, a, z, top.row) if plain else _rise_any(s1, x, y, dx, dy, z, top)
         else:
             left = s1
             s1 = s2
             f1 = f2
             s2 = left + GOLDEN * (right - left)
-            f2 = _rise(s2, b, c, a, z, tip, top.rows) if plain else _rise_any(s2, x, y, dx, dy, z, top)
+            f2 = _rise(s2, b, c, a, z, top.row) if plain else _rise_any(s2, x, y, dx, dy, z, top)
     return z + min(best, min(f1, f2))
 
 
@@ -734,7 +663,7 @@ def column_flux(
 
 @kernel
 def direct_flux(
-    source: FloatArray, target: FloatArray, radii: FloatArray, box: FloatArray, top: Top, nodes_e: FloatArray,
+    source: FloatArray, target: FloatArray, radius: float, box: FloatArray, top: Top, nodes_e: FloatArray,
     weights_e: FloatArray, nodes_u: FloatArray, weights_u: FloatArray, nodes_z: FloatArray, weights_z: FloatArray,
 ) -> float:  # fmt: skip
     """Direct flux of a pair under a press, as a fraction of the emitter's power."""
@@ -750,7 +679,7 @@ def direct_flux(
             for c in range(nodes_u.shape[0]):
                 column = target[1] + target[3] * (2.0 * nodes_u[c] - 1.0)
                 qx, qy, _ = wall_point(int(target[0]), column, 0.0, box)
-                edge = min(high, horizon(x, y, z, qx, qy, radii, top))
+                edge = min(high, horizon(x, y, z, qx, qy, radius, top))
                 flux = column_flux(x, y, z, source, target, qx, qy, low, edge, False, box, nodes_z, weights_z)
                 total += share * weights_u[c] * flux
     return total * 2.0 * target[3] * 4.0 * source[3] * source[4] / source[6]

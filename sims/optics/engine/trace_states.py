@@ -11,7 +11,7 @@ table. Light that leaves through the top is lost.
 Path classes
 ------------
 - `direct`: straight light, possibly in part hidden by the dimple.
-- `top`: mirrored by the top only, each time outside the skirt radius, the outermost radius where a tip's curve is
+- `top`: mirrored by the top only, each time outside the skirt radius, the outermost radius where the tip's curve is
   steeper than 0.1.
 - `skirt`: as `top`, but at least once inside the skirt radius.
 - `wall`: mirrored by a wall at least once and never scattered.
@@ -82,7 +82,7 @@ from optopad.sims.press import GridTop, Indentation
 __all__ = ["ACCURACIES", "CLASS_NAMES", "Accuracy", "RawLight", "trace_scene"]
 
 CLASS_NAMES = ("direct", "top", "skirt", "wall", "diffuse")
-States = Sequence[Indentation | GridTop | Sequence[Indentation | None] | None]
+States = Sequence[Indentation | GridTop | None]
 BATCH_STATES, BATCH_GRIDS = 32, 8
 """Number of states that are traced together, and whose rows are then stored; and of those on grids of `GridTops`."""
 OF_CLASSES = slice(0, len(CLASS_NAMES))
@@ -126,14 +126,14 @@ def trace_scene(
     on_step: Callable[[int, int], None] | None = None,
     kept: KeptRows | None = None,
 ) -> RawLight:
-    """Trace a scene for a list of states, each the untouched pad or one set of simultaneous presses.
+    """Trace a scene for a list of states, each the untouched pad or a press.
 
     Parameters
     ----------
     scene : walls, emitters, receivers and materials
-    centres_mm : (state, 2) or (state, tip, 2) press axes; ignored for an untouched state [mm]
-    indentations : for each state one press, None (untouched), a sequence with one of these for each tip, or the whole
-        top as a grid. If one state has a grid, all are traced by the method for discs and crowns
+    centres_mm : (state, 2) press axes; ignored for an untouched state [mm]
+    indentations : for each state one press, None (untouched), or the whole top as a grid. If one state has a grid, all
+        are traced by the method for discs and crowns
     fields : for each state a smooth height added to the top, or None; if omitted, no state has a field
     classes : groups of states of equal light. If given, centres, indentations and fields have one entry per group
     accuracy : name (draft, score, standard, fine or reference), settings, or a required relative error. If an error is
@@ -153,7 +153,7 @@ def trace_scene(
     if scene.form is None and any(isinstance(one, GridTop) for one in indentations):
         scene = replace(scene, form=block_form(scene))
     if scene.form is not None:
-        check_formed(scene, indentations, fields)
+        check_formed(scene, fields)
     if classes is None:
         classes = _classes(scene, centres, indentations, fields)
         centres, indentations = centres[classes.first], [indentations[state] for state in classes.first]
@@ -182,8 +182,8 @@ class Tops:
         """The tops as arrays that kernels read."""
         centres, indentations, fields = self.made()
         if self.scene.form is None:
-            return stack_tops([_tips(one) for one in indentations], centres, self.scene, fields)
-        check_formed(self.scene, indentations, fields)
+            return stack_tops(_curves(indentations), centres, self.scene, fields)
+        check_formed(self.scene, fields)
         return stack_formed(self.scene, centres, indentations)
 
     def some(self, groups: IntArray) -> tuple[TopStack | FormedStack, IntArray]:
@@ -398,14 +398,12 @@ def _classes(
     is_grid = any(isinstance(one, GridTop) for one in indentations)
     if is_grid or (fields is not None and any(field is not None for field in fields)):
         return each_its_own(scene, len(indentations))
-    pressed = [_tips(one) for one in indentations]
-    return state_classes(scene, np.nan_to_num(centres_mm).reshape(len(pressed), -1, 2), press_keys(pressed))
+    return state_classes(scene, np.nan_to_num(centres_mm)[:, None], press_keys(_curves(indentations)))
 
 
-def _tips(one: Indentation | GridTop | Sequence[Indentation | None] | None) -> list[Indentation | None]:
-    """Presses of a state's tips."""
-    assert not isinstance(one, GridTop)
-    return [one] if one is None or isinstance(one, Indentation) else list(one)
+def _curves(indentations: States) -> list[Indentation | None]:
+    """The states' presses, none of which is a grid."""
+    return [one for one in indentations if not isinstance(one, GridTop)]
 
 
 def _class_pairs(wanted: BoolArray, classes: StateClasses) -> BoolArray:

@@ -180,9 +180,9 @@ def _no_press(box: FloatArray) -> Top:
     from optopad.sims.optics.surface.curves import HIGHEST, LOWEST, ROW, TOP
     from optopad.sims.optics.surface.tops import Top
 
-    rows = np.zeros((1, ROW))
-    rows[0, [TOP, LOWEST, HIGHEST]] = box[2]
-    return Top(rows, np.zeros((0, 0, 16)))
+    row = np.zeros(ROW)
+    row[[TOP, LOWEST, HIGHEST]] = box[2]
+    return Top(row, np.zeros((0, 0, 16)))
 
 
 @dataclass(frozen=True, kw_only=True)

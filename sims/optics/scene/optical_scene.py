@@ -69,7 +69,7 @@ even a steep height needs few nodes.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -344,24 +344,6 @@ def smooth_field(
         )
     step = np.array([x[finer], y[finer]])
     return SmoothField(origin_mm=np.zeros(2), step_mm=step, nodes=spline_nodes(x, y, values, finer))
-
-
-def sum_of_fields(fields: Sequence[SmoothField]) -> SmoothField:
-    """Add fields on the same grid; a single field is returned unchanged.
-
-    Raises
-    ------
-    InputError : there is no field, or the grids differ.
-    """
-    grids = {(*field.origin_mm, *field.step_mm, *field.nodes.shape) for field in fields}
-    if len(grids) != 1:
-        raise InputError(
-            f"fields: {len(fields)} on {len(grids)} different grids; give one or more on one grid"
-        )
-    if len(fields) == 1:
-        return fields[0]
-    nodes = np.sum([field.nodes for field in fields], axis=0)
-    return SmoothField(origin_mm=fields[0].origin_mm, step_mm=fields[0].step_mm, nodes=nodes)
 
 
 def spline_nodes(x: FloatArray, y: FloatArray, heights: FloatArray, finer: int) -> FloatArray:

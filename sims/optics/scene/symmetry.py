@@ -87,9 +87,9 @@ def symmetries_of(scene: OpticalScene) -> tuple[SceneSymmetry, ...]:
     return tuple(found)
 
 
-def press_keys(pressed: Sequence[Sequence[Indentation | None]]) -> Presses:
-    """Keys that are equal if presses have the same curve object; None where a tip does not touch."""
-    return [[None if tip is None or tip.depth_mm <= 0 else id(tip) for tip in tips] for tips in pressed]
+def press_keys(pressed: Sequence[Indentation | None]) -> Presses:
+    """Keys of states of one tip, equal if they have the same curve object; None where the tip does not touch."""
+    return [[None if press is None or press.depth_mm <= 0 else id(press)] for press in pressed]
 
 
 def each_its_own(scene: OpticalScene, states: int) -> StateClasses:

@@ -22,7 +22,7 @@ Choices and their bounds
   receiver. That holds for curves that end flat, as the contact model's do
   (`optopad.sims.contact.library.smooth_press`). Otherwise the tail dips by 4/27 of slope x `TAIL_MM`.
 
-Whatever is not axisymmetric is left out here; `optopad.sims.optics.surface.tops` adds several tips and a smooth field.
+Whatever is not axisymmetric is left out here; `optopad.sims.optics.surface.tops` adds a smooth field.
 
 Table
 -----
@@ -208,7 +208,7 @@ CONTACT_AREA = 19
 CONTACT = 20
 CONTACT_PARTS = 48
 COLUMNS = CONTACT + CONTACT_PARTS + 1
-# a tip's row as kernels read it: the press's columns, data of the field (first tip), levels, pieces
+# a row as kernels read it: the press's columns, data of the field, levels, pieces
 BLOCKS = 16
 """Number of blocks along each side of the field, for which its lowest value and largest slope are kept."""
 FIELD_COLUMNS = 11 + 2 * BLOCKS * BLOCKS

@@ -1,11 +1,10 @@
 # mypy: no-warn-return-any
 """Kernels: the radial table of one tip's curve, and basic functions of walls, patches and Fresnel reflection.
 
-`rows` (tip, n) has the columns of `optopad.sims.optics.surface.curves.SurfaceStack` for each tip (`ROW` columns). `box`
-is (length, width, height, refractive index, absorption per mm, index behind smooth walls or 0). The active area of an
-emitter or receiver is a `patch`: wall, centre along the wall, z, half width, half height, Lambertian order (-1: table),
-full area as mounted, then a table of radiance at the cosine's nodes. Fresnel reflection is unpolarised, from inside
-(Born and Wolf, sec. 1.5).
+`row` (`ROW`,) has the columns of `optopad.sims.optics.surface.curves.SurfaceStack`. `box` is (length, width, height,
+refractive index, absorption per mm, index behind smooth walls or 0). The active area of an emitter or receiver is a
+`patch`: wall, centre along the wall, z, half width, half height, Lambertian order (-1: table), full area as mounted,
+then a table of radiance at the cosine's nodes. Fresnel reflection is unpolarised, from inside (Born and Wolf, 1.5).
 """
 
 from __future__ import annotations
@@ -70,12 +69,12 @@ def distance(dx: float, dy: float) -> float:
 
 
 @inlined
-def contact_radius_2(share: float, tip: int, rows: FloatArray) -> tuple[float, float]:
+def contact_radius_2(share: float, row: FloatArray) -> tuple[float, float]:
     """Squared radius within which a tip's contact has this share of its area [mm²], and its derivative by the share."""
     parts = share * CONTACT_PARTS
     part = min(int(parts), CONTACT_PARTS - 1)
-    low = rows[tip, CONTACT + part]
-    step = rows[tip, CONTACT + part + 1] - low
+    low = row[CONTACT + part]
+    step = row[CONTACT + part + 1] - low
     return low + (parts - part) * step, CONTACT_PARTS * step
 
 
@@ -175,81 +174,81 @@ def wall_hit(
 
 
 @inlined
-def height(r2: float, tip: int, rows: FloatArray) -> float:
+def height(r2: float, row: FloatArray) -> float:
     """Height of the top above the bottom at a squared radius from the tip's axis [mm]."""
-    if r2 >= rows[tip, OUTER_2]:
-        return rows[tip, TOP]
-    if r2 <= rows[tip, SPHERE_2]:
-        return rows[tip, SPHERE_Z] - math.sqrt(rows[tip, TIP_2] - r2)
-    x = math.sqrt(rows[tip, SCALE] * r2 + rows[tip, OFFSET]) - rows[tip, START]
+    if r2 >= row[OUTER_2]:
+        return row[TOP]
+    if r2 <= row[SPHERE_2]:
+        return row[SPHERE_Z] - math.sqrt(row[TIP_2] - r2)
+    x = math.sqrt(row[SCALE] * r2 + row[OFFSET]) - row[START]
     k = min(int(x), CELLS - 1)
     t = x - k
     c = PIECES + PIECE_COLUMNS * k
-    return rows[tip, c] + t * (rows[tip, c + 1] + t * (rows[tip, c + 2] + t * rows[tip, c + 3]))
+    return row[c] + t * (row[c + 1] + t * (row[c + 2] + t * row[c + 3]))
 
 
 @inlined
-def height_and_slope(r2: float, tip: int, rows: FloatArray) -> tuple[float, float]:
+def height_and_slope(r2: float, row: FloatArray) -> tuple[float, float]:
     """Height of the top [mm], and (dh/dr) / r [1/mm], which times (x, y) is the gradient."""
-    if r2 >= rows[tip, OUTER_2]:
-        return rows[tip, TOP], 0.0
-    if r2 <= rows[tip, SPHERE_2]:
-        root = math.sqrt(rows[tip, TIP_2] - r2)
-        return rows[tip, SPHERE_Z] - root, 1.0 / root
-    w = math.sqrt(rows[tip, SCALE] * r2 + rows[tip, OFFSET])
-    x = w - rows[tip, START]
+    if r2 >= row[OUTER_2]:
+        return row[TOP], 0.0
+    if r2 <= row[SPHERE_2]:
+        root = math.sqrt(row[TIP_2] - r2)
+        return row[SPHERE_Z] - root, 1.0 / root
+    w = math.sqrt(row[SCALE] * r2 + row[OFFSET])
+    x = w - row[START]
     k = min(int(x), CELLS - 1)
     t = x - k
     c = PIECES + PIECE_COLUMNS * k
-    c1, c2, c3 = rows[tip, c + 1], rows[tip, c + 2], rows[tip, c + 3]
+    c1, c2, c3 = row[c + 1], row[c + 2], row[c + 3]
     first = c1 + t * (2.0 * c2 + t * 3.0 * c3)
-    return rows[tip, c] + t * (c1 + t * (c2 + t * c3)), first * rows[tip, SCALE] / w
+    return row[c] + t * (c1 + t * (c2 + t * c3)), first * row[SCALE] / w
 
 
 @kernel
-def height_slope_curvature(r2: float, tip: int, rows: FloatArray) -> tuple[float, float, float]:
+def height_slope_curvature(r2: float, row: FloatArray) -> tuple[float, float, float]:
     """Height of the top [mm], q = (dh/dr) / r [1/mm], and (dq/dr) / r [1/mm³]."""
-    if r2 >= rows[tip, OUTER_2]:
-        return rows[tip, TOP], 0.0, 0.0
-    if r2 <= rows[tip, SPHERE_2]:
-        root = math.sqrt(rows[tip, TIP_2] - r2)
-        return rows[tip, SPHERE_Z] - root, 1.0 / root, 1.0 / (root * root * root)
-    w = math.sqrt(rows[tip, SCALE] * r2 + rows[tip, OFFSET])
-    x = w - rows[tip, START]
+    if r2 >= row[OUTER_2]:
+        return row[TOP], 0.0, 0.0
+    if r2 <= row[SPHERE_2]:
+        root = math.sqrt(row[TIP_2] - r2)
+        return row[SPHERE_Z] - root, 1.0 / root, 1.0 / (root * root * root)
+    w = math.sqrt(row[SCALE] * r2 + row[OFFSET])
+    x = w - row[START]
     k = min(int(x), CELLS - 1)
     t = x - k
     c = PIECES + PIECE_COLUMNS * k
-    c1, c2, c3 = rows[tip, c + 1], rows[tip, c + 2], rows[tip, c + 3]
-    per = rows[tip, SCALE] / w
+    c1, c2, c3 = row[c + 1], row[c + 2], row[c + 3]
+    per = row[SCALE] / w
     turn = (c1 + t * (2.0 * c2 + t * 3.0 * c3)) * per
     bend = (2.0 * c2 + t * 6.0 * c3) * per * per - turn * per / w
-    return rows[tip, c] + t * (c1 + t * (c2 + t * c3)), turn, bend
+    return row[c] + t * (c1 + t * (c2 + t * c3)), turn, bend
 
 
 @inlined
-def _piece(r2: float, tip: int, rows: FloatArray) -> int:
+def _piece(r2: float, row: FloatArray) -> int:
     """Column where the data of the piece at a squared radius begin; within the sphere, those of the first piece."""
-    if r2 <= rows[tip, SPHERE_2]:
+    if r2 <= row[SPHERE_2]:
         return PIECES
-    k = int(math.sqrt(rows[tip, SCALE] * r2 + rows[tip, OFFSET]) - rows[tip, START])
+    k = int(math.sqrt(row[SCALE] * r2 + row[OFFSET]) - row[START])
     return PIECES + PIECE_COLUMNS * min(k, CELLS - 1)
 
 
 @inlined
-def slope_bound(r2: float, tip: int, rows: FloatArray) -> float:
+def slope_bound(r2: float, row: FloatArray) -> float:
     """Largest |dh/dr| at this squared radius and beyond."""
-    return 0.0 if r2 >= rows[tip, OUTER_2] else rows[tip, _piece(r2, tip, rows) + STEEP]
+    return 0.0 if r2 >= row[OUTER_2] else row[_piece(r2, row) + STEEP]
 
 
 @kernel
-def fall_bound(r2: float, tip: int, rows: FloatArray) -> float:
+def fall_bound(r2: float, row: FloatArray) -> float:
     """Largest fall -dh/dr at this squared radius and beyond."""
-    return 0.0 if r2 >= rows[tip, OUTER_2] else rows[tip, _piece(r2, tip, rows) + FALL]
+    return 0.0 if r2 >= row[OUTER_2] else row[_piece(r2, row) + FALL]
 
 
 @inlined
-def reach2(z: float, tip: int, rows: FloatArray) -> float:
+def reach2(z: float, row: FloatArray) -> float:
     """Squared radius beyond which the top is nowhere below z [mm²], z below the undisturbed top; -1: nowhere at all."""
-    if z <= rows[tip, LOWEST]:
+    if z <= row[LOWEST]:
         return -1.0
-    return rows[tip, REACH + int((z - rows[tip, LOWEST]) * rows[tip, PER_LEVEL])]
+    return row[REACH + int((z - row[LOWEST]) * row[PER_LEVEL])]

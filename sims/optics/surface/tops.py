@@ -1,19 +1,17 @@
 # mypy: no-warn-return-any
-"""The pressed top that kernels evaluate: the sum of several tips' curves and of a smooth field.
+"""The pressed top that kernels evaluate: the sum of a tip's curve and of a smooth field.
 
 Model
 -----
-The top's height above the undisturbed plane is the sum of every tip's radial curve
-(`optopad.sims.optics.surface.curves`) and of a smooth bicubic field (`optopad.sims.optics.scene.optical_scene`). The
-sum is exact where at most one curve differs from zero. It leaves out the deformation of one tip's dimple under another,
-so overlapping steep parts are refused.
+The top's height above the undisturbed plane is the sum of the tip's radial curve
+(`optopad.sims.optics.surface.curves`) and of a smooth bicubic field (`optopad.sims.optics.scene.optical_scene`).
+Several tips at once are traced on a grid of heights instead (`optopad.sims.optics.engine.general`).
 
 Grid
 ----
-Light is sampled on cells of the top in coordinates (u, v) around every tip. A tip owns the polygon of the box that is
-nearer to it than to any other tip. Each edge of the polygon spans a sector: v runs along the edge, u from the contact
-edge (0) to the polygon's edge (1) with r = a + (r_edge(v) - a) u². So cells are narrow at the contact edge. All tips
-have the same rings; each tip has its own columns.
+Light is sampled on cells of the top in coordinates (u, v) around the tip. Each edge of the box spans a sector: v runs
+along the edge, u from the contact edge (0) to the box's edge (1) with r = a + (r_edge(v) - a) u². So cells are narrow
+at the contact edge.
 """
 
 from __future__ import annotations
@@ -28,26 +26,18 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from optopad.design.arrays import FloatArray, IntArray
-from optopad.design.errors import InputError, ModelScopeError
+from optopad.design.errors import InputError
 from optopad.sims.optics.scene.optical_scene import OpticalScene, SmoothField
 from optopad.sims.optics.surface.curves import (
     ACTIVE,
     BLOCKS,
-    CELLS,
     COLUMNS,
     CONTACT_R,
     FIELD_COLUMNS,
     OUTER_R,
-    PIECE_COLUMNS,
-    PIECES,
     SKIRT_R,
-    SPHERE_R,
-    TOP,
-    SurfaceStack,
     X,
     Y,
-    lowest_of_pieces_mm,
-    node_radii_mm,
     stack_surfaces,
 )
 from optopad.sims.optics.surface.radial import (
@@ -72,64 +62,51 @@ class Top(NamedTuple):
 
     Attributes
     ----------
-    rows : (tip, n) numbers of each tip; see `optopad.sims.optics.surface.curves`. The first row also has, from column
-        `FIELD_ON`: 1 if there is a field, else 0; the field's origin [mm], cells per mm along x and y, lowest value (0
-        or below) [mm], largest slope [-] and bend [1/mm]; largest amount by which the field and the other tips lower
-        the top [mm]; blocks per mm along x and y; lowest value and largest slope around each block (`_blocks`)
+    row : (n,) numbers of the tip; see `optopad.sims.optics.surface.curves`. From column `FIELD_ON`: 1 if there is a
+        field, else 0; the field's origin [mm], cells per mm along x and y, lowest value (0 or below) [mm], largest
+        slope [-] and bend [1/mm]; largest amount by which the field lowers the top [mm]; blocks per mm along x and y;
+        lowest value and largest slope around each block (`_blocks`)
     field : (nx, ny, 16) coefficients of u^p v^q in each cell, for u and v from 0 to 1 [mm]; q varies fastest. (0, 0,
         16) without a field
     """
 
-    rows: FloatArray
+    row: FloatArray
     field: FloatArray
 
 
 @inlined
 def is_plain(top: Top) -> bool:
-    """Whether the top is the curve of one tip only, without a smooth field."""
-    return top.rows.shape[0] == 1 and top.rows[0, FIELD_ON] == 0.0
+    """Whether the top is the curve of the tip only, without a smooth field."""
+    return top.row[FIELD_ON] == 0.0
 
 
 @kernel
 def is_touched(top: Top) -> bool:
     """Whether the top differs from the undisturbed plane anywhere."""
-    if top.rows[0, FIELD_ON] != 0.0:
-        return True
-    touched = False
-    for k in range(top.rows.shape[0]):
-        touched = touched or top.rows[k, ACTIVE] > 0.0
-    return touched
+    return top.row[FIELD_ON] != 0.0 or top.row[ACTIVE] > 0.0
 
 
 @kernel
-def touching_tip(x: float, y: float, top: Top) -> tuple[int, float]:
-    """Tip in contact at a point (-1: none); smallest distance to a tip's axis, in multiples of its skirt radius."""
-    share = 1e30
-    tip = -1
-    for k in range(top.rows.shape[0]):
-        if top.rows[k, ACTIVE] > 0.0:
-            r = distance(x - top.rows[k, X], y - top.rows[k, Y])
-            if r < top.rows[k, CONTACT_R]:
-                tip = k
-            share = min(share, r / top.rows[k, SKIRT_R])
-    return tip, share
+def touch(x: float, y: float, top: Top) -> tuple[bool, float]:
+    """Whether the tip touches at a point; the distance to its axis, in multiples of its skirt radius (1e30: no tip)."""
+    if top.row[ACTIVE] == 0.0:
+        return False, 1e30
+    r = distance(x - top.row[X], y - top.row[Y])
+    return r < top.row[CONTACT_R], min(1e30, r / top.row[SKIRT_R])
 
 
 @kernel
 def is_beyond(x: float, y: float, top: Top) -> bool:
-    """Whether a point is beyond the outer radius of every tip, so that the top without a field is undisturbed there."""
-    for k in range(top.rows.shape[0]):
-        outer = top.rows[k, OUTER_R] if top.rows[k, ACTIVE] > 0.0 else 0.0
-        if distance(x - top.rows[k, X], y - top.rows[k, Y]) < outer:
-            return False
-    return True
+    """Whether a point is beyond the tip's outer radius, so that the top without a field is undisturbed there."""
+    outer = top.row[OUTER_R] if top.row[ACTIVE] > 0.0 else 0.0
+    return distance(x - top.row[X], y - top.row[Y]) >= outer
 
 
 @inlined
 def _field_cell(x: float, y: float, top: Top) -> tuple[int, int, float, float]:
     """Cell of the field that contains a point (-1: outside), and the point's fractions within it along x and y."""
-    u = (x - top.rows[0, FIELD_X]) * top.rows[0, PER_X]
-    v = (y - top.rows[0, FIELD_Y]) * top.rows[0, PER_Y]
+    u = (x - top.row[FIELD_X]) * top.row[PER_X]
+    v = (y - top.row[FIELD_Y]) * top.row[PER_Y]
     nx = top.field.shape[0]
     ny = top.field.shape[1]
     if not (0.0 <= u <= nx and 0.0 <= v <= ny):
@@ -175,16 +152,16 @@ def field_gradient(x: float, y: float, top: Top) -> tuple[float, float, float]:
     along = b1 + u * (2.0 * b2 + u * 3.0 * b3)
     across = _cubic_slope(c, 0, v)
     across += u * (_cubic_slope(c, 4, v) + u * (_cubic_slope(c, 8, v) + u * _cubic_slope(c, 12, v)))
-    return height, along * top.rows[0, PER_X], across * top.rows[0, PER_Y]
+    return height, along * top.row[PER_X], across * top.row[PER_Y]
 
 
 @inlined
 def block_bounds(x: float, y: float, top: Top) -> tuple[float, float]:
     """Lowest value of the field [mm] and its largest slope, within one block's width around the block of a point."""
-    i = min(max(int((x - top.rows[0, FIELD_X]) * top.rows[0, BLOCK_X]), 0), BLOCKS - 1)
-    j = min(max(int((y - top.rows[0, FIELD_Y]) * top.rows[0, BLOCK_Y]), 0), BLOCKS - 1)
+    i = min(max(int((x - top.row[FIELD_X]) * top.row[BLOCK_X]), 0), BLOCKS - 1)
+    j = min(max(int((y - top.row[FIELD_Y]) * top.row[BLOCK_Y]), 0), BLOCKS - 1)
     column = BLOCK + 2 * (BLOCKS * i + j)
-    return top.rows[0, column], top.rows[0, column + 1]
+    return top.row[column], top.row[column + 1]
 
 
 @kernel
@@ -203,25 +180,18 @@ def _field_bends(x: float, y: float, top: Top) -> tuple[float, float, float]:
             hxy = hxy * u + p * _cubic_slope(c, 4 * p, v)
         if p > 1:
             hxx = hxx * u + p * (p - 1) * _cubic(c, 4 * p, v)
-    per_x = top.rows[0, PER_X]
-    per_y = top.rows[0, PER_Y]
+    per_x = top.row[PER_X]
+    per_y = top.row[PER_Y]
     return hxx * per_x * per_x, hxy * per_x * per_y, hyy * per_y * per_y
 
 
 @kernel
 def surface_height(x: float, y: float, top: Top) -> float:
     """Height of the top above the bottom at a point [mm]."""
-    rows = top.rows
-    rx = x - rows[0, X]
-    ry = y - rows[0, Y]
-    h = height(rx * rx + ry * ry, 0, rows)
-    if is_plain(top):
-        return h
-    for k in range(1, rows.shape[0]):
-        rx = x - rows[k, X]
-        ry = y - rows[k, Y]
-        h += height(rx * rx + ry * ry, k, rows) - rows[k, TOP]
-    if top.rows[0, FIELD_ON] != 0.0:
+    rx = x - top.row[X]
+    ry = y - top.row[Y]
+    h = height(rx * rx + ry * ry, top.row)
+    if not is_plain(top):
         h += field_height(x, y, top)
     return h
 
@@ -229,141 +199,55 @@ def surface_height(x: float, y: float, top: Top) -> float:
 @kernel
 def surface_gradient(x: float, y: float, top: Top) -> tuple[float, float, float]:
     """Height of the top above the bottom [mm], dh/dx, dh/dy at a point."""
-    rows = top.rows
-    rx = x - rows[0, X]
-    ry = y - rows[0, Y]
-    h, per = height_and_slope(rx * rx + ry * ry, 0, rows)
+    rx = x - top.row[X]
+    ry = y - top.row[Y]
+    h, per = height_and_slope(rx * rx + ry * ry, top.row)
     gx = per * rx
     gy = per * ry
     if is_plain(top):
         return h, gx, gy
-    for k in range(1, rows.shape[0]):
-        rx = x - rows[k, X]
-        ry = y - rows[k, Y]
-        more, per = height_and_slope(rx * rx + ry * ry, k, rows)
-        h += more - rows[k, TOP]
-        gx += per * rx
-        gy += per * ry
-    if top.rows[0, FIELD_ON] != 0.0:
-        more, mx, my = field_gradient(x, y, top)
-        h += more
-        gx += mx
-        gy += my
-    return h, gx, gy
-
-
-@kernel
-def _tip_bend(
-    x: float, y: float, tip: int, rows: FloatArray
-) -> tuple[float, float, float, float, float, float]:
-    """Height of one tip's curve at a point, its gradient and second derivatives."""
-    rx = x - rows[tip, X]
-    ry = y - rows[tip, Y]
-    h, turn, bend = height_slope_curvature(rx * rx + ry * ry, tip, rows)
-    return h, turn * rx, turn * ry, turn + bend * rx * rx, bend * rx * ry, turn + bend * ry * ry
+    more, mx, my = field_gradient(x, y, top)
+    return h + more, gx + mx, gy + my
 
 
 @kernel
 def surface_bend(x: float, y: float, top: Top) -> tuple[float, float, float, float, float, float]:
     """Height of the top above the bottom [mm], dh/dx, dh/dy, d2h/dx2, d2h/dxdy, d2h/dy2 at a point."""
-    h, gx, gy, hxx, hxy, hyy = _tip_bend(x, y, 0, top.rows)
+    rx = x - top.row[X]
+    ry = y - top.row[Y]
+    h, turn, bend = height_slope_curvature(rx * rx + ry * ry, top.row)
+    gx, gy = turn * rx, turn * ry
+    hxx, hxy, hyy = turn + bend * rx * rx, bend * rx * ry, turn + bend * ry * ry
     if is_plain(top):
         return h, gx, gy, hxx, hxy, hyy
-    for k in range(1, top.rows.shape[0]):
-        more, mx, my, mxx, mxy, myy = _tip_bend(x, y, k, top.rows)
-        h += more - top.rows[k, TOP]
-        gx += mx
-        gy += my
-        hxx += mxx
-        hxy += mxy
-        hyy += myy
-    if top.rows[0, FIELD_ON] != 0.0:
-        more, mx, my = field_gradient(x, y, top)
-        mxx, mxy, myy = _field_bends(x, y, top)
-        h += more
-        gx += mx
-        gy += my
-        hxx += mxx
-        hxy += mxy
-        hyy += myy
-    return h, gx, gy, hxx, hxy, hyy
+    more, mx, my = field_gradient(x, y, top)
+    mxx, mxy, myy = _field_bends(x, y, top)
+    return h + more, gx + mx, gy + my, hxx + mxx, hxy + mxy, hyy + myy
 
 
 # columns of a sector row
-AX, AY, BX, BY, SPAN, TIP = range(6)
+AX, AY, BX, BY, SPAN = range(5)
 # columns of a node row
 NX, NY, NZ, GX, GY, HXX, HXY, HYY = range(8)
 NODE_COLUMNS = 8
-MOST_EDGES = 12
 FEWEST_COLUMNS = 3
-
-
-@kernel
-def _cell_of_tip(tip: int, top: Top, box: FloatArray, corners: FloatArray, other: FloatArray) -> int:
-    """Fill `corners` (n, 2) with the polygon in the box that is nearer to a tip than to others; return their number."""
-    corners[0, 0], corners[0, 1] = 0.0, 0.0
-    corners[1, 0], corners[1, 1] = box[0], 0.0
-    corners[2, 0], corners[2, 1] = box[0], box[1]
-    corners[3, 0], corners[3, 1] = 0.0, box[1]
-    n = 4
-    x = top.rows[tip, X]
-    y = top.rows[tip, Y]
-    for k in range(top.rows.shape[0]):
-        if k == tip or top.rows[k, ACTIVE] == 0.0:
-            continue
-        dx = top.rows[k, X] - x
-        dy = top.rows[k, Y] - y
-        half = 0.5 * (dx * dx + dy * dy)
-        kept = 0
-        for c in range(n):
-            d = c + 1 if c + 1 < n else 0
-            fc = half - (corners[c, 0] - x) * dx - (corners[c, 1] - y) * dy
-            fd = half - (corners[d, 0] - x) * dx - (corners[d, 1] - y) * dy
-            if fc >= 0.0:
-                other[kept, 0] = corners[c, 0]
-                other[kept, 1] = corners[c, 1]
-                kept += 1
-            if (fc >= 0.0) != (fd >= 0.0):
-                t = fc / (fc - fd)
-                other[kept, 0] = corners[c, 0] + t * (corners[d, 0] - corners[c, 0])
-                other[kept, 1] = corners[c, 1] + t * (corners[d, 1] - corners[c, 1])
-                kept += 1
-        n = kept
-        for c in range(n):
-            corners[c, 0] = other[c, 0]
-            corners[c, 1] = other[c, 1]
-    return n
 
 
 @array_kernel
 def sectors_of(top: Top, box: FloatArray) -> FloatArray:
-    """(sector, 6) for each edge of a tip's polygon: start relative to the axis, vector to the end, angle, tip number.
-
-    Sectors are sorted by tip. If no tip touches, the grid is centred on the first tip's axis.
-    """
-    corners = np.empty((MOST_EDGES, 2))
-    other = np.empty((MOST_EDGES, 2))
-    out = np.empty((top.rows.shape[0] * MOST_EDGES, 6))
-    found = 0
-    for tip in range(top.rows.shape[0]):
-        if top.rows[tip, ACTIVE] == 0.0 and not (tip == 0 and top.rows[:, ACTIVE].max() == 0.0):
-            continue
-        n = _cell_of_tip(tip, top, box, corners, other)
-        for c in range(n):
-            d = c + 1 if c + 1 < n else 0
-            ax = corners[c, 0] - top.rows[tip, X]
-            ay = corners[c, 1] - top.rows[tip, Y]
-            bx = corners[d, 0] - top.rows[tip, X]
-            by = corners[d, 1] - top.rows[tip, Y]
-            out[found, AX] = ax
-            out[found, AY] = ay
-            out[found, BX] = bx - ax
-            out[found, BY] = by - ay
-            out[found, SPAN] = math.atan2(ax * by - ay * bx, ax * bx + ay * by)
-            out[found, TIP] = tip
-            if out[found, SPAN] > 1e-9:
-                found += 1
-    return out[:found]
+    """(sector, 5) for each edge of the box: start relative to the tip's axis, vector to the end, angle."""
+    out = np.empty((4, 5))
+    for c in range(4):
+        ax = (box[0] if c == 1 or c == 2 else 0.0) - top.row[X]
+        ay = (box[1] if c > 1 else 0.0) - top.row[Y]
+        bx = (box[0] if c < 2 else 0.0) - top.row[X]
+        by = (box[1] if c == 1 or c == 2 else 0.0) - top.row[Y]
+        out[c, AX] = ax
+        out[c, AY] = ay
+        out[c, BX] = bx - ax
+        out[c, BY] = by - ay
+        out[c, SPAN] = math.atan2(ax * by - ay * bx, ax * bx + ay * by)
+    return out
 
 
 @kernel
@@ -376,12 +260,11 @@ def place_on_top(
     reach2 = wx * wx + wy * wy
     reach = math.sqrt(reach2)
     turn = (wx * sectors[sector, BY] - wy * sectors[sector, BX]) / reach2
-    tip = int(sectors[sector, TIP])
-    inner = top.rows[tip, CONTACT_R]
+    inner = top.row[CONTACT_R]
     span = max(reach - inner, 0.0)
     r = inner + span * u * u
-    x = top.rows[tip, X] + r * wx / reach
-    y = top.rows[tip, Y] + r * wy / reach
+    x = top.row[X] + r * wx / reach
+    y = top.row[Y] + r * wy / reach
     return x, y, r, r * 2.0 * span * u * turn
 
 
@@ -389,7 +272,7 @@ def place_on_top(
 def place_in_contact(
     sector: int, s: float, v: float, sectors: FloatArray, top: Top
 ) -> tuple[float, float, float]:
-    """Point (x, y) in a tip's contact, and the plan area per ds dv [mm²].
+    """Point (x, y) in the tip's contact, and the plan area per ds dv [mm²].
 
     The coordinate s is the share of the contact's area within the point's radius, from 0 at the axis to 1 at the edge.
     """
@@ -397,11 +280,10 @@ def place_in_contact(
     wy = sectors[sector, AY] + v * sectors[sector, BY]
     reach2 = wx * wx + wy * wy
     turn = (wx * sectors[sector, BY] - wy * sectors[sector, BX]) / reach2
-    tip = int(sectors[sector, TIP])
-    r2, growth = contact_radius_2(s, tip, top.rows)
+    r2, growth = contact_radius_2(s, top.row)
     share = math.sqrt(r2 / reach2)
-    x = top.rows[tip, X] + share * wx
-    y = top.rows[tip, Y] + share * wy
+    x = top.row[X] + share * wx
+    y = top.row[Y] + share * wy
     return x, y, 0.5 * growth * turn
 
 
@@ -423,7 +305,7 @@ def columns_of(columns: float, phase: float, sectors: FloatArray) -> FloatArray:
     ----------
     columns : number of columns in a full turn; a sector has at least `FEWEST_COLUMNS`
     phase : shift of the column borders within a sector, in column widths, 0 to 1; at 0.5 all columns are equal
-    sectors : (sector, 6) result of `sectors_of`
+    sectors : (sector, 5) result of `sectors_of`
 
     Returns
     -------
@@ -435,10 +317,7 @@ def columns_of(columns: float, phase: float, sectors: FloatArray) -> FloatArray:
         counts[k] = max(FEWEST_COLUMNS, round(columns * sectors[k, SPAN] / (2.0 * math.pi)))
     out = np.empty((counts.sum(), 5))
     n = 0
-    first = 0
     for k in range(sectors.shape[0]):
-        if k > 0 and sectors[k, TIP] != sectors[k - 1, TIP]:
-            first = n
         for b in range(counts[k]):
             out[n, 0] = k
             out[n, 1] = (b + phase - 0.5) / counts[k] if b > 0 else 0.0
@@ -446,9 +325,8 @@ def columns_of(columns: float, phase: float, sectors: FloatArray) -> FloatArray:
             out[n, 3] = n - 1
             out[n, 4] = n + 1
             n += 1
-        if k + 1 == sectors.shape[0] or sectors[k + 1, TIP] != sectors[k, TIP]:
-            out[first, 3] = n - 1
-            out[n - 1, 4] = first
+    out[0, 3] = n - 1
+    out[n - 1, 4] = 0
     return out
 
 
@@ -499,9 +377,8 @@ def cell_at(
     """Ring and column of the cell that contains a point; (-1, -1) if it is in a contact or outside the grid."""
     for n in range(columns.shape[0]):
         k = int(columns[n, 0])
-        tip = int(sectors[k, TIP])
-        dx = x - top.rows[tip, X]
-        dy = y - top.rows[tip, Y]
+        dx = x - top.row[X]
+        dy = y - top.row[Y]
         ax = sectors[k, AX] + columns[n, 1] * sectors[k, BX]
         ay = sectors[k, AY] + columns[n, 1] * sectors[k, BY]
         bx = sectors[k, AX] + columns[n, 2] * sectors[k, BX]
@@ -515,7 +392,7 @@ def cell_at(
         wy = ay + v * (by - ay)
         reach = math.sqrt(wx * wx + wy * wy)
         r = math.sqrt(dx * dx + dy * dy)
-        inner = top.rows[tip, CONTACT_R]
+        inner = top.row[CONTACT_R]
         if r < inner or r > reach:
             continue
         u = math.sqrt((r - inner) / max(reach - inner, 1e-12))
@@ -524,7 +401,6 @@ def cell_at(
     return -1, -1
 
 
-Presses = Sequence[Indentation | Sequence[Indentation | None] | None]
 SUBDIVISION = 2
 SLOPE_RESERVE, BEND_RESERVE = 1.1, 1.2
 _KNOWN: WeakKeyDictionary[SmoothField, FloatArray] = WeakKeyDictionary()
@@ -537,7 +413,7 @@ class TopStack:
 
     Attributes
     ----------
-    rows : (state, tip, n) as in `Top`
+    rows : (state, n) as `Top.row`
     field : (state, nx, ny, 4) nodes of the fields (`SmoothField`); (state, 0, 0, 4) if no state has a field
     step_mm : (2,) distance between nodes along x and y [mm]
     """
@@ -547,12 +423,12 @@ class TopStack:
     step_mm: FloatArray
 
     def part(self, states: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Arrays `Top.rows` and `Top.field` of some states, each with a leading axis for the state."""
+        """Arrays `Top.row` and `Top.field` of some states, each with a leading axis for the state."""
         return self.rows[states], _cells(self.field[states], self.step_mm)
 
 
 def stack_tops(
-    indentations: Presses,
+    indentations: Sequence[Indentation | None],
     centres_mm: FloatArray,
     scene: OpticalScene,
     fields: Sequence[SmoothField | None] | None = None,
@@ -561,113 +437,26 @@ def stack_tops(
 
     Parameters
     ----------
-    indentations : for each state an indentation, None (untouched), or a sequence with one of these for each tip
-    centres_mm : (state, 2) or (state, tip, 2) x and y of the press axes [mm]
+    indentations : for each state an indentation, or None if untouched
+    centres_mm : (state, 2) x and y of the press axes [mm]
     fields : for each state a field on the same grid, or None; if omitted, no state has a field
 
     Raises
     ------
     InputError : shapes do not fit together, a press is outside the block, or a curve or field is invalid.
-    ModelScopeError : steep parts of tips overlap, several tips scatter light, or a press is out of scope.
+    ModelScopeError : a press is out of scope.
     """
-    nested = [_as_tips(one) for one in indentations]
-    states = len(nested)
-    tips = max((len(one) for one in nested), default=1)
-    centres = _centres(centres_mm, states, tips)
-    columns = [
-        stack_surfaces([one[k] if k < len(one) else None for one in nested], centres[:, k], scene)
-        for k in range(tips)
-    ]
-    rows = np.stack([_packed(column) for column in columns], axis=1)
-    if tips > 1:
-        rows = _touched_first(rows)
-        _check_apart(rows, scene)
-    untouched = (rows[:, :, ACTIVE] == 0.0).all(axis=1)
-    rows[untouched, 0, X], rows[untouched, 0, Y] = scene.length_mm / 2, scene.width_mm / 2
+    states, stack = len(indentations), stack_surfaces(indentations, centres_mm, scene)
+    stack.press[stack.press[:, ACTIVE] == 0.0, X : Y + 1] = scene.length_mm / 2, scene.width_mm / 2
     field, known, step = _stacked_fields(fields, states)
-    rows[:, 0, FIELD_ON : FIELD_ON + FIELD_COLUMNS] = known
-    rows[:, 0, SLACK] += _neighbours_depth_mm(rows)
+    rows = np.concatenate([stack.press, known, stack.reach2, stack.pieces.reshape(states, -1)], axis=1)
     return TopStack(rows=rows, field=field, step_mm=step)
-
-
-def _packed(column: SurfaceStack) -> FloatArray:
-    """(state, n) rows of one tip, as in `Top`, with 0 in the field's columns."""
-    states = len(column.press)
-    return np.concatenate(
-        [
-            column.press,
-            np.zeros((states, FIELD_COLUMNS)),
-            column.reach2,
-            column.pieces.reshape(states, -1),
-        ],
-        axis=1,
-    )
-
-
-def _as_tips(one: Indentation | Sequence[Indentation | None] | None) -> list[Indentation | None]:
-    return [one] if one is None or isinstance(one, Indentation) else list(one) or [None]
-
-
-def _centres(centres_mm: FloatArray, states: int, tips: int) -> FloatArray:
-    centres = np.asarray(centres_mm, dtype=np.float64)
-    if centres.shape == (states, 2):
-        centres = centres[:, None]
-    if centres.ndim != 3 or centres.shape[0] != states or centres.shape[1] < tips or centres.shape[2] != 2:
-        raise InputError(
-            f"centres_mm: shape {np.shape(centres_mm)}, needs ({states}, 2) or ({states}, {tips}, 2)"
-        )
-    return centres
-
-
-def _touched_first(rows: FloatArray) -> FloatArray:
-    """Rows (state, tip, n) with the tips that touch moved before those that do not."""
-    order = np.argsort(rows[:, :, ACTIVE] == 0.0, axis=1, kind="stable")
-    return np.asarray(rows[np.arange(len(rows))[:, None], order])
-
-
-def _check_apart(rows: FloatArray, scene: OpticalScene) -> None:
-    for state, tips in enumerate(rows):
-        touching = tips[tips[:, ACTIVE] > 0.0]
-        if len(touching) > 1 and scene.tip_reflectance > 0.0:
-            raise ModelScopeError(
-                f"surfaces.tip_reflectance: {scene.tip_reflectance:g} with {len(touching)} tips in state {state}: "
-                "light that tips scatter is modelled for one tip only; set it to 0"
-            )
-        for k, one in enumerate(touching):
-            for other in touching[k + 1 :]:
-                apart = float(np.hypot(one[X] - other[X], one[Y] - other[Y]))
-                need = float(one[SKIRT_R] + other[SKIRT_R])
-                if apart <= need:
-                    raise ModelScopeError(
-                        f"presses: state {state} has tips {apart:.2f} mm apart whose dimples need {need:.2f} mm; "
-                        "superposition does not hold there, move them apart or press less"
-                    )
-
-
-def _neighbours_depth_mm(rows: FloatArray) -> FloatArray:
-    """(state,) upper bound on how much other tips lower the top where a tip is nearest [mm], summed over tips."""
-    depth = np.zeros(len(rows))
-    for state, tips in enumerate(rows):
-        touching = tips[tips[:, ACTIVE] > 0.0]
-        for k, one in enumerate(touching):
-            apart = [np.hypot(*(one[[X, Y]] - other[[X, Y]])) for m, other in enumerate(touching) if m != k]
-            depth[state] += _fall_beyond_mm(one, min(apart) / 2) if apart else 0.0
-    return depth
-
-
-def _fall_beyond_mm(row: FloatArray, radius_mm: float) -> float:
-    """Largest depth of a curve below the undisturbed top, beyond a given radius [mm]."""
-    edges, _, _ = node_radii_mm(float(row[SPHERE_R]), float(row[OUTER_R]))
-    pieces = row[PIECES:].reshape(CELLS, PIECE_COLUMNS)[edges[1:] > radius_mm]
-    if len(pieces) == 0:
-        return 0.0
-    return max(float(row[TOP] - lowest_of_pieces_mm(pieces).min()), 0.0)
 
 
 def _stacked_fields(
     fields: Sequence[SmoothField | None] | None, states: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(state, nx, ny, 4) nodes of the fields; (state, n) the field's columns of `Top.rows`; node distance [mm]."""
+    """(state, nx, ny, 4) nodes of the fields; (state, n) the field's columns of `Top.row`; node distance [mm]."""
     known = np.zeros((states, FIELD_COLUMNS))
     if fields is None or all(field is None for field in fields):
         return np.zeros((states, 0, 0, 4)), known, np.ones(2)
@@ -706,7 +495,7 @@ def _patches() -> FloatArray:
 
 
 def _known_of(field: SmoothField) -> FloatArray:
-    """A field's columns of `Top.rows`; bounds are computed from `SUBDIVISION` + 1 points along a cell's side."""
+    """A field's columns of `Top.row`; bounds are computed from `SUBDIVISION` + 1 points along a cell's side."""
     if field in _KNOWN:
         return _KNOWN[field]
     value, slope_x, slope_y, bend = _sampled(field)

@@ -169,6 +169,24 @@ def test_several_recordings_are_episodes_and_more_can_be_appended(
     assert [list(one) for one in episodes["tasks"]] == [["one"], ["two"], ["two"]]
 
 
+def test_known_presses_of_two_fingers_have_columns_of_their_own(recording: Path, tmp_path: Path) -> None:
+    recorded, folder = read_recorded(recording), tmp_path / "set"
+    count = len(recorded.sequence)
+    one = PressLabels(press_mm=np.tile([10.0, 16.0, 1.0], (count, 1)))
+    two = replace(one, others_mm=np.tile([22.0, 16.0, -1.0], (count, 1, 1)))
+    write_lerobot(replace(recorded, labels=two), folder, fps=20)
+    info, stats = (json.loads((folder / "meta" / f"{name}.json").read_text()) for name in ("info", "stats"))
+    assert info["features"][PRESS]["shape"] == [6]
+    assert info["features"][PRESS]["names"][2:4] == ["depth_mm", "x2_mm"]
+    assert stats[PRESS]["mean"] == [10.0, 16.0, 1.0, 22.0, 16.0, -1.0]
+    with pytest.raises(InputError, match="known presses of 1 at a time, and the episodes before of 2"):
+        write_episodes(
+            [Source(recorded=replace(recorded, labels=each)) for each in (two, one)],
+            tmp_path / "other",
+            fps=20,
+        )
+
+
 def test_what_does_not_fit_is_not_appended_and_the_data_set_stays(recording: Path, tmp_path: Path) -> None:
     recorded, folder = read_recorded(recording), tmp_path / "set"
     write_lerobot(recorded, folder, fps=20)

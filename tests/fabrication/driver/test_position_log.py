@@ -206,7 +206,6 @@ def test_two_stages_are_joined_and_a_gap_of_the_second_leaves_frames_out(
     found = joined(read_recorded(recording), read_position_log(log), 0.0)
     labels, at_s = found.recorded.labels, found.recorded.host_s - BEGUN_S
     assert labels is not None
-    assert labels.others_mm is not None
     has_second = np.isfinite(labels.others_mm[:, 0, 2])
     assert (has_second == (np.abs(at_s - 3.5) > 0.5)).all()
     assert found.left_out == pytest.approx(
@@ -214,7 +213,7 @@ def test_two_stages_are_joined_and_a_gap_of_the_second_leaves_frames_out(
     )  # between rows with and without the second tip
     np.testing.assert_allclose(labels.others_mm[has_second, 0, :2], [[24.0, 9.0]] * has_second.sum())
     write_export(found.recorded, tmp_path / "a.nc", "a")
-    with pytest.raises(InputError, match=pattern("a.csv ... two tips ... .nc")):
+    with pytest.raises(InputError, match=pattern("a.csv ... two are known ... .nc")):
         write_export(found.recorded, tmp_path / "a.csv", "a")
     data = read_data(tmp_path / "a.nc")
     np.testing.assert_array_equal(data.others_mm, labels.others_mm)

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 import tracemalloc
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,10 +26,11 @@ from optopad.fabrication.driver.link.protocol import FrameFormat, pack_frames
 from optopad.fabrication.driver.recording import export, mcap_file, raw
 from optopad.fabrication.driver.recording import recorder as recorder_module
 from optopad.fabrication.driver.recording.export import read_recorded, write_csv, write_netcdf
+from optopad.fabrication.driver.recording.mcap_file import write_mcap
 from optopad.fabrication.driver.recording.raw import PRESS, RecordKind, packed_record, read_records
 from optopad.fabrication.driver.recording.recorded import PressLabels
 from optopad.fabrication.driver.recording.recorder import Recorder
-from optopad.fabrication.driver.simulated.finger import FingerPath
+from optopad.fabrication.driver.simulated.finger import FingerPath, read_path
 from optopad.fabrication.driver.simulated.port import FakePort, PtyWire
 from optopad.fabrication.driver_file import config_from_document, plain_of
 from optopad.sims.readings.recording import read_recording
@@ -384,6 +386,33 @@ def test_presses_may_come_from_a_path_by_the_board_s_clock(tmp_path: Path) -> No
         assert dataset["counts"].attrs["units"] == "ADC counts"
         assert dataset["press_depth"].attrs["units"] == "mm"
         assert list(dataset["state"].values) == [*[f"E{i}" for i in range(1, 9)], "off"]
+
+
+def test_presses_of_two_fingers_are_exported_where_the_format_has_room_and_refused_elsewhere(
+    tmp_path: Path,
+) -> None:
+    written(tmp_path / "a.optorec")
+    file = tmp_path / "fingers.csv"
+    file.write_text("t_s,x_mm,y_mm,depth_mm,x2_mm,y2_mm,depth2_mm\n0,10,16,1,22,16,-1\n1,10,16,1,22,18,4\n")
+    found = read_recorded(tmp_path / "a.optorec", read_path(file))
+    assert found.labels is not None
+    assert found.only(found.device_s < 0.1).labels.others_mm.shape == (40, 1, 3)  # type: ignore[union-attr]
+    write_netcdf(found, tmp_path / "a.nc", "a.optorec")
+    with xr.open_dataset(tmp_path / "a.nc", engine="h5netcdf") as dataset:
+        others = dataset["others"]
+        assert others.dims == ("time", "other", "axis")
+        assert list(dataset["axis"].values) == ["x", "y", "depth"]
+        depth = -1.0 + 5.0 * 0.0025 * np.arange(100)
+        assert np.allclose(others[:, 0, 2], depth)
+        assert np.allclose(dataset["press_depth"], 1.0)
+    for suffix, write in ((".csv", write_csv), (".mcap", write_mcap)):
+        with pytest.raises(InputError, match=r"has the press of one finger a frame, and two are known; give"):
+            write(found, tmp_path / f"b{suffix}", *(["a.optorec"] if suffix == ".csv" else []))  # type: ignore[operator]
+        assert not (tmp_path / f"b{suffix}").exists()
+    lifted = replace(found, labels=replace(found.labels, others_mm=found.labels.others_mm - [0.0, 0.0, 9.0]))
+    write_netcdf(lifted, tmp_path / "c.nc", "a.optorec")
+    with xr.open_dataset(tmp_path / "c.nc", engine="h5netcdf") as dataset:
+        assert "others" not in dataset
 
 
 def test_a_torn_recording_exports_what_is_whole(tmp_path: Path) -> None:

@@ -131,7 +131,7 @@ def test_slopes_are_those_at_the_predicted_press() -> None:
     touched = Touched(60.0)
     signals = touched.noisy(np.array([HELD]))
     found = touched.model.predict(signals)
-    seen, slopes = touched.detector.seen(signals, found)
+    seen, slopes = touched.detector.seen(signals, found.press_mm)
     assert (seen == signals).all()
     assert (slopes == touched.model.answers(found.press_mm)[1]).all()
 

@@ -100,7 +100,8 @@ def test_an_answer_as_json_has_a_place_only_where_it_is_touched(touches: list[tu
 def test_uncertainty_is_told_where_the_model_knows_it(touches: list[tuple[float, Touch]]) -> None:
     (held, *_) = between(touches, 1.3, 1.4)
     press_mm, sigma_mm = np.array([10.0, 22.0, 3.0]), np.array([0.21, 0.18, 0.05])
-    known = replace(held, sigma_mm=sigma_mm, press_mm=press_mm, force_n=5.2, force_sigma_n=0.12)
+    values = {"sigma_mm": sigma_mm, "press_mm": press_mm, "force_n": 5.2, "force_sigma_n": 0.12}
+    known = replace(held, contacts=(replace(held.contacts[0], **values),), **values)
     assert "x 10.00 ± 0.21 mm, y 22.00 ± 0.18 mm, depth 3.00 ± 0.05 mm, force 5.20 ± 0.12 N, score " in str(
         known
     )

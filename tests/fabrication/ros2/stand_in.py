@@ -285,7 +285,7 @@ def node_module() -> Any:
     messages = {
         "diagnostic_msgs": ("DiagnosticArray", "DiagnosticStatus", "KeyValue"),
         "geometry_msgs": ("TransformStamped", "WrenchStamped"),
-        "optopad_msgs": ("Frame", "Sensor", "Touch"),
+        "optopad_msgs": ("Contact", "Frame", "Sensor", "Touch"),
         "visualization_msgs": ("Marker",),
     }
     made: dict[str, dict[str, Any]] = {

@@ -18,12 +18,19 @@ from optopad.design.errors import OutputError
 from optopad.design.preset import preset
 from optopad.fabrication.driver.link.ports import FoundPort
 from optopad.fabrication.driver.recording.export import read_recorded
-from optopad.fabrication.driver.ros_fields import NodeClock, diagnosis, wrench_message
+from optopad.fabrication.driver.ros_fields import (
+    NodeClock,
+    contact_markers,
+    diagnosis,
+    filled,
+    touch_message,
+    wrench_message,
+)
 from optopad.fabrication.driver.sensor import Sensor
 from optopad.fabrication.driver.simulated.finger import FingerPath
 from optopad.fabrication.driver.simulated.port import FakePort
 from optopad.fabrication.driver.stream import LinkCounts
-from optopad.fabrication.driver.touch_reader import TouchReader
+from optopad.fabrication.driver.touch_reader import NO_CONTACT, Contact, TouchReader
 from optopad.fabrication.driver_config import dump_driver_config
 from optopad.fabrication.driver_file import load_driver_config
 from optopad.sims.learning.inference.model_file import save_model
@@ -35,6 +42,7 @@ from tests.fabrication.ros2.stand_in import (
     LifecycleNode,
     Rclpy,
     cdr,
+    class_of,
     launched,
     node_module,
 )
@@ -161,17 +169,86 @@ def check_messages(node: Any) -> None:
     assert (kinds[0], set(kinds[1:])) == (1, {1, 2})
 
 
-def test_a_wrench_is_never_nan_and_is_along_the_normal() -> None:
-    none = np.full(3, np.nan)
-    touch = SimpleNamespace(frame=SimpleNamespace(began_s=1.0), is_touched=True, force_n=2.0, normal=none)
-    touch.point_mm, touch.press_mm = none, np.array([10.0, 20.0, 1.0])
-    found = wrench_message(touch, "pad")["wrench"]
+NAN = np.full(3, np.nan)
+
+
+def contact(number: int, x_mm: float, **changes: Any) -> Contact:
+    values = {
+        "press_mm": np.array([x_mm, 20.0, 1.0]),
+        "sigma_mm": np.array([0.1, 0.2, 0.05]),
+        "point_mm": np.array([x_mm, 20.0, 8.0]),
+        "normal": np.array([0.0, 0.0, 1.0]),
+        "force_n": 2.0,
+        "force_sigma_n": 0.1,
+    }
+    return Contact(number=number, **(values | changes))
+
+
+def touch_of(*contacts: Contact) -> Any:
+    """A touch with these contacts, as far as messages need it."""
+    first = contacts[0] if contacts else NO_CONTACT
+    return SimpleNamespace(
+        frame=SimpleNamespace(began_s=1.0, sequence=3),
+        is_touched=bool(contacts),
+        touch_score=1.0,
+        contacts=contacts,
+        slip_mm_s=np.zeros(2),
+        drift=SimpleNamespace(drift=0.0, is_held=True, is_gain_like=False, gain_steps=0),
+        latency_ms=1.0,
+        **{name: value for name, value in vars(first).items() if name != "number"},
+    )
+
+
+def test_a_wrench_is_never_nan_is_along_the_normal_and_is_the_sum_of_all_contacts() -> None:
+    bare = contact(1, 10.0, point_mm=NAN, normal=NAN)
+    found = wrench_message(touch_of(bare), "pad")["wrench"]
     assert found == {"force": {"x": 0.0, "y": 0.0, "z": 2.0}, "torque": {"x": 0.04, "y": -0.02, "z": 0.0}}
-    touch.normal = np.array([0.6, 0.0, 0.8])
-    assert wrench_message(touch, "pad")["wrench"]["force"] == {"x": 1.2, "y": 0.0, "z": 1.6}
-    touch.is_touched, touch.force_n, touch.press_mm = False, np.nan, none
-    found = wrench_message(touch, "pad")["wrench"]
-    assert {value for one in found.values() for value in one.values()} == {0.0}
+    leaning = contact(1, 10.0, normal=np.array([0.6, 0.0, 0.8]))
+    assert wrench_message(touch_of(leaning), "pad")["wrench"]["force"] == {"x": 1.2, "y": 0.0, "z": 1.6}
+    for none in (
+        touch_of(),
+        touch_of(contact(1, 10.0, force_n=np.nan)),
+        touch_of(contact(1, 10.0, force_n=None)),
+    ):
+        found = wrench_message(none, "pad")["wrench"]
+        assert {value for one in found.values() for value in one.values()} == {0.0}
+    both = wrench_message(touch_of(contact(1, 10.0), contact(2, 22.0, force_n=1.0)), "pad")["wrench"]
+    assert both["force"] == {"x": 0.0, "y": 0.0, "z": 3.0}
+    assert both["torque"] == {"x": pytest.approx(0.06), "y": pytest.approx(-0.042), "z": 0.0}
+
+
+def test_a_touch_message_has_every_contact_and_the_first_in_its_own_fields() -> None:
+    for contacts in (
+        (),
+        (contact(4, 10.0),),
+        (contact(4, 10.0), contact(7, 22.0, force_n=None, sigma_mm=NAN)),
+    ):
+        fields = touch_message(touch_of(*contacts), "pad", class_of("optopad_msgs/msg/Contact"))
+        message = filled(class_of("optopad_msgs/msg/Touch")(), fields)
+        cdr(message)
+        assert [one.number for one in message.contacts] == [one.number for one in contacts]
+        for one, own in zip(message.contacts, contacts, strict=True):
+            assert one.point.x == pytest.approx(own.press_mm[0] / 1e3)
+            assert np.isnan(one.force) == (own.force_n is None)
+            assert np.isnan(one.covariance[0]) == np.isnan(own.sigma_mm[0])
+        if contacts:
+            assert message.point == message.contacts[0].point
+        else:
+            assert np.isnan(message.point.x)
+
+
+def test_the_markers_of_contacts_that_ended_are_removed() -> None:
+    two = (contact(4, 10.0), contact(7, 22.0))
+    for contacts, shown, ids, actions in (
+        (two, 0, [1, 2], [0, 0]),
+        (two[:1], 2, [1, 2], [0, 2]),
+        ((), 2, [1, 2], [2, 2]),
+        ((), 0, [], []),
+    ):
+        found = contact_markers(contacts, shown, "pad", 1.0)
+        assert ([one["id"] for one in found], [one["action"] for one in found]) == (ids, actions)
+        for one in found:
+            cdr(filled(class_of("visualization_msgs/msg/Marker")(), one))
 
 
 @pytest.mark.slow
@@ -216,6 +293,12 @@ def test_what_is_wrong_is_logged_and_leaves_the_node_unconfigured(
         (
             {"config": str(files[0]), "model": str(tmp_path / "other.optomodel")},
             "model: is of design 00000000",
+        ),
+        ({"config": str(files[0]), "model": str(files[1]), "touches": 2}, "optopad train DATA"),
+        ({"config": str(files[0]), "model": str(files[1]), "touches": 3}, "touches: 3 is refused"),
+        (
+            {"config": str(files[0]), "model": str(files[1]), "touches": 1.5},
+            "touches: 1.5 is refused: give a whole",
         ),
         ({}, "config: is empty"),
         ({"config": str(tmp_path / "no.toml")}, "no.toml: no such file"),
@@ -346,6 +429,7 @@ def test_parameters_may_be_written_in_any_type_that_yaml_makes_of_them(
         "config": str(files[0]),
         "port": "/dev/ttyACM3",
         "model": "",
+        "touches": 1,
         "rate": 200.0,
         "frame_id": "1",
         "patience": 10.0,
@@ -425,5 +509,5 @@ def test_lost_frames_are_a_warning_only_while_they_are_new() -> None:
 
 def test_every_message_has_a_definition_that_ros_reads() -> None:
     assert {name for name in STORE.types if name.startswith("optopad_msgs")} == {
-        f"optopad_msgs/msg/{name}" for name in ("Frame", "Press", "Sensor", "Touch")
+        f"optopad_msgs/msg/{name}" for name in ("Contact", "Frame", "Press", "Sensor", "Touch")
     }

@@ -47,8 +47,9 @@ def test_the_packages_are_whole(src: Path) -> None:
     there = [one.relative_to(src / "optopad_msgs").as_posix() for one in (src / "optopad_msgs").glob("*/*")]
     assert sorted(listed) == sorted(there)
     assert {f"optopad_msgs/msg/{Path(one).stem}" for one in listed if one.startswith("msg")} == set(names())
-    for name in names():
-        assert "MSG: std_msgs/Header" in definition(name)
+    for name in names():  # a contact is within a touch, whose header it has
+        assert ("MSG: std_msgs/Header" in definition(name)) == (not name.endswith("/Contact"))
+    assert "MSG: optopad_msgs/Contact\n# One of the touches" in definition("optopad_msgs/msg/Touch")
 
 
 def test_every_import_of_the_node_is_a_dependency(src: Path) -> None:

@@ -208,6 +208,27 @@ def test_a_finger_needs_a_table_of_presses(
     assert "design was simulated" in capsys.readouterr().err
 
 
+def test_fingers_that_overlap_or_are_too_many_are_refused_before_the_light_is_simulated(
+    config: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "fingers.csv"
+    path.write_text(
+        "# two fingers\nt_s,x_mm,y_mm,depth_mm,x2_mm,y2_mm,depth2_mm\n"
+        "0,10,12,1,22,12,1\n1,10,12,1,22,17,1\n2,22,12,1,10,17,1\n"
+    )
+    cases = (
+        (NAME, ["--path", str(path)], f"{path}: row 4: until the next row the fingers come within 5.00 mm"),
+        (NAME, ["--fingers", "3"], "--fingers: 3 is refused; give 1 or 2"),
+        (NAME, ["--fingers", "2", "--path", str(path)], "--fingers: --path was given"),
+        (NAME, ["--fingers", "2", "--set", "indenter.tip_radius_mm=10"], "need 22 mm"),
+        (config, ["--fingers", "2"], "--fingers: no press"),
+    )
+    for name, options, told in cases:
+        assert main(["driver", "fake", name, *options, "--seconds", "0.1"]) == 2
+        said = capsys.readouterr()
+        assert (said.out, told in said.err) == ("", True), said.err
+
+
 @pytest.mark.parametrize(
     ("options", "told"),
     [

@@ -123,7 +123,7 @@ def check_next_to_no_press(name, parts):
     for part in parts:
         lit = with_part(scene, part)
         untouched = trace_scene(lit, presses[:1, :2], [None], accuracy=settings).flux.sum(axis=0)
-        raw = trace_scene(lit, presses[:, None, :2], tops.near, fields=tops.fields, accuracy=settings)
+        raw = trace_scene(lit, presses[:, :2], tops.near, fields=tops.fields, accuracy=settings)
         unit = np.maximum(untouched, 0.05 * untouched.max())
         change, error = (
             ((raw.flux.sum(axis=0) - untouched) / unit)[:, judged],
@@ -168,9 +168,7 @@ def test_stated_errors_hold_for_every_single_pair(name, presses):
     judged = scene.emitter_wall[:, None] != scene.receiver_wall
 
     def traced(accuracy, seed):
-        return trace_scene(
-            scene, rows[:, None, :2], tops.near, fields=tops.fields, accuracy=accuracy, seed=seed
-        )
+        return trace_scene(scene, rows[:, :2], tops.near, fields=tops.fields, accuracy=accuracy, seed=seed)
 
     known = traced("fine", 9)
     pulls = []

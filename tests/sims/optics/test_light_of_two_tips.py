@@ -11,7 +11,8 @@ from optopad.design.preset import preset
 from optopad.sims.optics.accuracy import LightSignals
 from optopad.sims.optics.scene.lower import scene_of
 from optopad.sims.optics.scene.symmetry import symmetries_of
-from optopad.sims.optics.tracing import trace
+from optopad.sims.optics.tracing import tops_of_tips, trace
+from tests.oracle.tracer import trace_oracle
 from tests.sims.optics.surface.analytic import compact_dimple
 
 PAD = Draft.of(preset("piacenza2017-pad"))
@@ -73,3 +74,21 @@ def test_two_tips_are_traced_on_every_shape(name):
     one, other = [x - 4.0, y, 0.5], [x + 4.0, y + 1.0, 0.8]
     both, untouched = trace(draft, np.array([[one, other], [ABSENT, ABSENT]]), accuracy="draft").flux
     assert np.abs(both / untouched - 1.0).max() > 0.05
+
+
+@pytest.mark.slow
+def test_every_pairs_light_under_two_tips_is_the_oracles():
+    tips = np.array([ABSENT, ABSENT, [12.0, 12.0, 1.0], [17.3, 17.3, 1.0]]).reshape(2, 2, 3)
+    found, scene = trace(PAD, tips, accuracy="standard"), scene_of(PAD.design)
+    top = tops_of_tips(PAD, scene, np.nan_to_num(tips)).made(1)
+    rays = 200_000
+    known = trace_oracle(scene, np.zeros((1, 2)), [top], rays=rays, seed=2017).without_crossing[0]
+    # the oracle counts rays, so its variance is flux / rays, by the product's flux: few counts would seem too certain
+    pulls = (found.flux[1] - known) / np.hypot(found.standard_error[1], np.sqrt(found.flux[1] / rays))
+    bright = found.flux[1] * rays >= 25.0
+    assert bright.sum() > 40
+    assert np.abs(pulls[bright]).max() < 4.0
+    assert np.sqrt(np.mean(pulls[bright] ** 2)) < 1.3
+    # and a press by one of the two alone would be far off
+    alone = trace(PAD, np.array([[*tips[1, :1].tolist(), ABSENT], *STATES[:1]]), accuracy="standard").flux[0]
+    assert np.abs((alone - known) / np.sqrt(found.flux[1] / rays))[bright].max() > 10.0

@@ -108,7 +108,7 @@ def size_of(difference: FloatArray) -> Size:
 def modelled(place: Place, depth_mm: float) -> ModelTop:
     """The design's press at a place."""
     tops = pressed_tops(place.design, np.array([[*place.at_mm, depth_mm]]))
-    near, field = tops.near[0][0], tops.fields[0]
+    near, field = tops.near[0], tops.fields[0]
     assert near is not None
     assert field is not None
     return ModelTop(near=near, field=field)
@@ -126,9 +126,9 @@ def _heights(x, y, top):  # type: ignore[no-untyped-def]
 def engine_height_mm(place: Place, near: Indentation, field: SmoothField | None = None) -> FloatArray:
     """(nx, ny) height of the top over the undisturbed one that the light engine makes of a press [mm]."""
     scene = scene_of(place.design)
-    rows, cells = stack_tops([near], np.array([place.at_mm]), scene, [field]).part(np.arange(1))
+    (row,), cells = stack_tops([near], np.array([place.at_mm]), scene, [field]).part(np.arange(1))
     x, y = np.meshgrid(*place.grid_mm(), indexing="ij")
-    found = _heights(x.ravel(), y.ravel(), Top(rows[0], cells[0]))
+    found = _heights(x.ravel(), y.ravel(), Top(row, cells[0]))
     return np.reshape(found, x.shape) - scene.height_mm
 
 

@@ -220,7 +220,7 @@ def followed(
         rows = np.flatnonzero((flux != bench.truth.untouched).any(axis=(1, 2)))
         signals = bench.signals(flux[rows], times_s[rows], unit) * unit.factor
         found = bench.model.predict(signals[::every])
-        slopes = detector.seen(signals[::every], found)[1]
+        slopes = detector.seen(signals[::every], found.press_mm)[1]
         for k, time_s in enumerate(times_s[rows]):
             if not found.is_touched[k // every]:
                 continue

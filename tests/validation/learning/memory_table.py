@@ -32,7 +32,7 @@ from optopad.sims.learning.after_release import TOUCH_MM, FoundAgain, found_agai
 from optopad.sims.learning.inference.signal_map import KIND as SIGNAL_MAP
 from optopad.sims.learning.inference.touch_model import TouchModel
 from optopad.sims.learning.learners import EFFORTS, LEARNERS
-from optopad.sims.learning.map_learner import MapLearner
+from optopad.sims.learning.map_learner import signal_map_learner
 from optopad.sims.readings.protocol import ProtocolCurves, draw, protocol_curves
 from optopad.sims.readings.signal_chain import Remainder, chain_of
 from tests.validation.contact.contact_table import markdown_table
@@ -127,7 +127,7 @@ def trained(name: str) -> Pad:
     design = preset(name).with_(**{"noise.release_residue": RESIDUE, "noise.release_decay_s": DECAY_S})
     curves = protocol_curves(design, load_protocol_file(QUICK_PROTOCOL).fitted_to(design), is_coarse=True)
     train = draw(curves).role("train")
-    learners = LEARNERS | {SIGNAL_MAP: MapLearner(design, quick=True)}
+    learners = LEARNERS | {SIGNAL_MAP: signal_map_learner(design, quick=True)}
     models = {kind: fit(train, seed=0, settings=EFFORTS["quick"]) for kind, fit in learners.items()}
     return Pad(curves=curves, models=models)
 

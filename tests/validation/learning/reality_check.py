@@ -30,7 +30,7 @@ from optopad.fabrication.bundle import program_digest
 from optopad.screen.prediction import ModelAccuracy, accuracy_of, bound_text
 from optopad.sims.learning.inference.signal_map import KIND as SIGNAL_MAP
 from optopad.sims.learning.learners import DEFAULT, LEARNERS, FitSettings, Learner
-from optopad.sims.learning.map_learner import MapLearner
+from optopad.sims.learning.map_learner import signal_map_learner
 from optopad.sims.learning.tables import (
     TOUCH_DEPTHS_MM,
     JudgedPresses,
@@ -90,7 +90,7 @@ Judged = dict[tuple[str, str], list[JudgedPresses]]
 
 def fits_of(design: SensorDesign, *, quick: bool = False) -> dict[str, Learner]:
     """Every learner; the map is traced at its first fit."""
-    return LEARNERS | {SIGNAL_MAP: MapLearner(design, quick=quick)}
+    return LEARNERS | {SIGNAL_MAP: signal_map_learner(design, quick=quick)}
 
 
 def judged_draws(

@@ -74,10 +74,7 @@ def rows() -> list[str]:
         places = 0.3 + 0.4 * random.random((STATES, 2))
         depths = np.resize(DEPTHS_MM, STATES)
         presses = np.column_stack([places * (scene.length_mm, scene.width_mm), depths])
-        near = [
-            one[0] if isinstance(one, (list, tuple)) else one
-            for one in pressed_tops(design, presses, by_symmetry=False).near
-        ]
+        near = pressed_tops(design, presses, by_symmetry=False).near
         for engine, given in (("of rectangles", scene), ("general", as_form(scene))):
             ms, *percent = measured(given, presses, near)
             found.append(

@@ -105,7 +105,7 @@ class State:
         if self.is_analytic:
             return compact_dimple(self.press[2]), None
         tops = pressed_tops(optopad.load(self.design), np.array([self.press]), by_symmetry=False)
-        return tops.near[0][0], tops.fields[0]
+        return tops.near[0], tops.fields[0]
 
     def surface(self) -> tuple[Indentation | None, FloatArray | None]:
         """The press as the contact model gives it, and on a flat rectangle the height beside it [mm]."""

@@ -20,7 +20,6 @@ from __future__ import annotations
 
 import sys
 import zlib
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -31,7 +30,7 @@ from optopad.design.arrays import FloatArray
 from optopad.design.spec import SensorDesign
 from optopad.sims.optics.accuracy import ACCURACIES, MIRRORED_FINER, Accuracy
 from optopad.sims.optics.engine.general import pad as formed_pad
-from optopad.sims.optics.engine.trace_states import trace_scene
+from optopad.sims.optics.engine.trace_states import States, trace_scene
 from optopad.sims.optics.scene.lower import scene_of
 from optopad.sims.optics.scene.optical_scene import (
     COSINE_NODES,
@@ -42,7 +41,6 @@ from optopad.sims.optics.scene.optical_scene import (
     transmitted_share,
 )
 from tests.oracle.pressed import pressed_tops
-from tests.oracle.top import Presses
 from tests.oracle.tracer import trace_oracle
 
 EPOXY = ", receivers behind epoxy"
@@ -137,12 +135,16 @@ def compared(
 
 
 def oracle_batches(
-    name: str, scene: OpticalScene, places_mm: FloatArray, tops: Sequence[Presses], rays: int, count: int
+    name: str,
+    scene: OpticalScene,
+    places_mm: FloatArray,
+    tops: States,
+    rays: int,
+    count: int,
 ) -> FloatArray:
     """(batch, state, e, r) light of the oracle that never left the elastomer; kept batches are read."""
     FOLDER.mkdir(parents=True, exist_ok=True)
-    each = [one for top in tops for one in (top if isinstance(top, Sequence) else [top])]
-    heights = np.concatenate([np.ravel(one.height_mm) for one in each if one is not None])
+    heights = np.concatenate([np.ravel(one.height_mm) for one in tops if one is not None])
     surfaces, found = f"{zlib.crc32(heights.tobytes()):08x}", []
     for batch in range(count):
         file = FOLDER / f"{name}-{surfaces}-{rays}-{batch}.npy"
@@ -157,7 +159,7 @@ def oracle_batches(
     return np.array(found)
 
 
-def finest_flux(scene: OpticalScene, presses: FloatArray, tops: Sequence[Presses]) -> FloatArray:
+def finest_flux(scene: OpticalScene, presses: FloatArray, tops: States) -> FloatArray:
     """(state, e, r) light by the engine as fine as it goes."""
     usual = formed_pad.PART_SHARE, formed_pad.SPHERE_PART_SHARE
     formed_pad.PART_SHARE, formed_pad.SPHERE_PART_SHARE = FINER_PARTS, FINER_PARTS

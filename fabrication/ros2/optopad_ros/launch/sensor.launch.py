@@ -16,6 +16,7 @@ PARAMETERS = {
     'config': ('', 'driver.toml of the sensor, or its bundle folder'),
     'port': ('', 'port of the board, or serial:NUMBER; empty: found by its USB identity'),
     'model': ('', 'trained model (.optomodel); empty: frames alone'),
+    'touches': (1, 'most touches in a frame; 2 needs a model that knows two'),
     'rate': (-1.0, "frames per second; negative: the design's rate; 0: the board's highest"),
     'frame_id': ('optopad', 'coordinates of the pad'),
     'patience': (3.0, 'time without a frame after which the board counts as lost [s]'),

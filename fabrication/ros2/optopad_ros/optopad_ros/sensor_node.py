@@ -27,6 +27,7 @@ from optopad.design.errors import OutputError
 from optopad.fabrication.driver import ros_fields as fields
 from optopad.fabrication.driver.recording.mcap_file import frame_message
 from optopad.fabrication.driver.recording.mcap_file import sensor_message
+from optopad_msgs.msg import Contact
 from optopad_msgs.msg import Frame
 from optopad_msgs.msg import Sensor
 from optopad_msgs.msg import Touch
@@ -49,6 +50,7 @@ PARAMETERS = {
     'config': '',
     'port': '',
     'model': '',
+    'touches': 1,
     'rate': -1.0,
     'frame_id': 'optopad',
     'patience': 3.0,
@@ -156,7 +158,7 @@ class SensorNode(LifecycleNode):
         self._fault = ''
         self._lost_at = None
         self._serial_number = ''
-        self._is_shown = False
+        self._shown = 0
         self._counts = deque(maxlen=RECENT_REPORTS)
         self._node_clock = fields.NodeClock()
 
@@ -181,7 +183,10 @@ class SensorNode(LifecycleNode):
         )
         self._model = optopad.load_model(model) if model else None
         if self._model is not None:
-            optopad.TouchReader(self._device, self._model)  # refuses a model of another design
+            self._reader(self._device)  # refuses a model of another design, or of one touch
+
+    def _reader(self, sensor):
+        return optopad.TouchReader(sensor, self._model, touches=self._value('touches'))
 
     def _describe(self):
         now_s = self._now_s()
@@ -215,7 +220,7 @@ class SensorNode(LifecycleNode):
         with self._device as sensor:
             self._sensor = sensor
             try:
-                reader = None if self._model is None else optopad.TouchReader(sensor, self._model)
+                reader = None if self._model is None else self._reader(sensor)
                 while not self._over.is_set():
                     try:
                         self._publish(sensor, reader)
@@ -249,22 +254,17 @@ class SensorNode(LifecycleNode):
         return self._node_clock.frame(frame, self._now_s() if is_simulated else None)
 
     def _publish_touch(self, touch):
-        message = fields.touch_message(touch, self._frame_id)
+        message = fields.touch_message(touch, self._frame_id, Contact)
         self._touches.publish(fields.filled(Touch(), message))
         if touch.force_n is not None:
             wrench = fields.wrench_message(touch, self._frame_id)
             self._wrenches.publish(fields.filled(WrenchStamped(), wrench))
-        if touch.is_touched or self._is_shown:
-            self._mark(fields.marker(
-                self._device.descriptor, touch, self._frame_id, touch.frame.began_s))
-        self._is_shown = touch.is_touched
+        self._show(touch.contacts, touch.frame.began_s)
 
     def _look(self, sensor):
         fault = sensor.fault
         if fault:
-            if self._is_shown:
-                self._is_shown = False
-                self._mark(fields.no_touch_marker(self._frame_id, self._now_s()))
+            self._show((), self._now_s())
             if sensor.silent_s >= sensor.patience_s:
                 self._lose(fault, sensor.silent_s)
         elif sensor.counts.frames:
@@ -299,8 +299,13 @@ class SensorNode(LifecycleNode):
         self._frames.publish(fields.filled(Frame(), frame_message(frame, self._frame_id)))
 
     def _mark_body(self):
-        self._mark(fields.marker(
-            self._device.descriptor, None, self._frame_id, self._now_s()))
+        self._mark(fields.body_marker(
+            self._device.descriptor, self._frame_id, self._now_s()))
+
+    def _show(self, contacts, time_s):
+        for shown in fields.contact_markers(contacts, self._shown, self._frame_id, time_s):
+            self._mark(shown)
+        self._shown = len(contacts)
 
     def _mark(self, shown):
         self._markers.publish(fields.filled(Marker(), shown))
@@ -341,7 +346,7 @@ class SensorNode(LifecycleNode):
         report.header.stamp = self.get_clock().now().to_msg()
         report.status.append(status)
         self._status.publish(report)
-        if not self._is_shown:
+        if not self._shown:
             self._mark_body()  # for RViz, if it was started after the node
 
     def _answer(self, response, work):

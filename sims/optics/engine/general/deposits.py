@@ -117,7 +117,7 @@ def tip_patch(top: FormedTop, x: float, y: float) -> int:
         return int(top.grid[i, j, PATCH])
     r2, ring = x * x + y * y, 0
     for k in range(1, TIP_RINGS):
-        if r2 >= top.rows[0, CONTACT + k * CONTACT_PARTS // TIP_RINGS]:
+        if r2 >= top.row[CONTACT + k * CONTACT_PARTS // TIP_RINGS]:
             ring = k
     turn = math.atan2(y, x) / (2.0 * math.pi) + 0.5
     return ring * TIP_TURNS + min(int(turn * TIP_TURNS), TIP_TURNS - 1)

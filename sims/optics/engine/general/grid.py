@@ -108,7 +108,7 @@ def gridded(untouched: FormedTop, press: GridTop) -> FormedTop:
     outer = float(radius[bent].max(initial=0.0)) + step
     numbers[[DEPTH, OUTER, GRID_X, GRID_Y, GRID_STEP]] = -low.min(), outer, x[0], y[0], step
     return untouched._replace(
-        numbers=numbers, rows=_bounds_outward(radius, low, slope, outer, step), grid=grid
+        numbers=numbers, row=_bounds_outward(radius, low, slope, outer, step), grid=grid
     )
 
 
@@ -167,7 +167,7 @@ def _block_lows(low: FloatArray) -> FloatArray:
 def _bounds_outward(
     radius: FloatArray, low: FloatArray, slope: FloatArray, outer: float, step: float
 ) -> FloatArray:
-    """(1, `FORMED_ROW`) row with the lowest height and the largest slope from each of `CELLS` radii outward."""
+    """(`FORMED_ROW`,) row with the lowest height and the largest slope from each of `CELLS` radii outward."""
     row = np.zeros(FORMED_ROW)
     row[[SPHERE_2, OFFSET, START]], row[SCALE] = (-1.0, 0.0, 0.0), (CELLS / outer) ** 2
     ring = np.clip(((radius + 2.0 * step) / outer * CELLS).astype(np.int64), 0, CELLS - 1).ravel()
@@ -176,7 +176,7 @@ def _bounds_outward(
     np.maximum.at(steepest, ring, 1.1 * slope.ravel())
     row[LOWS:CUPS] = np.minimum.accumulate(lowest[::-1])[::-1]
     row[PIECES + STEEP + PIECE_COLUMNS * np.arange(CELLS)] = np.maximum.accumulate(steepest[::-1])[::-1]
-    return row[None]
+    return row
 
 
 def divided(cells: TopGrid, top: FormedTop) -> tuple[BoolArray, TopGrid]:

@@ -54,11 +54,11 @@ GOLDEN = 0.6180339887498949
 @kernel
 def straight_matrix(
     emitters: FloatArray, receivers: FloatArray, wanted: BoolArray, absorbs: float, origin: FloatArray,
-    axes: FloatArray, numbers: FloatArray, rows: FloatArray, grid: FloatArray, nodes_e: FloatArray,
+    axes: FloatArray, numbers: FloatArray, row: FloatArray, grid: FloatArray, nodes_e: FloatArray,
     weights_e: FloatArray, nodes_u: FloatArray, weights_u: FloatArray, nodes_v: FloatArray, weights_v: FloatArray,
 ) -> FloatArray:  # fmt: skip
     """(emitter, receiver) direct light, as a share of the emitter's power."""
-    top = FormedTop(origin, axes, numbers, rows, grid)
+    top = FormedTop(origin, axes, numbers, row, grid)
     out = np.zeros((emitters.shape[0], receivers.shape[0]))
     for i in range(emitters.shape[0]):
         for j in range(receivers.shape[0]):
@@ -76,12 +76,12 @@ def points_on(
     origin: FloatArray,
     axes: FloatArray,
     numbers: FloatArray,
-    rows: FloatArray,
+    row: FloatArray,
     grid: FloatArray,
 ) -> FloatArray:
     """(n, 10) points of the top at `at` (n, 5), given in press coordinates; see `mirrored.top_points`."""
     out = np.zeros((at.shape[0], POINT_COLUMNS))
-    top_points(at, FormedTop(origin, axes, numbers, rows, grid), out)
+    top_points(at, FormedTop(origin, axes, numbers, row, grid), out)
     return out
 
 
@@ -89,10 +89,10 @@ def points_on(
 def mirrored_matrix(
     emitters: FloatArray, receivers: FloatArray, wanted: BoolArray, points: FloatArray, share: float,
     absorbs: float, index: float, walls: FloatArray, arcs: FloatArray, origin: FloatArray,
-    axes: FloatArray, numbers: FloatArray, rows: FloatArray, grid: FloatArray,
+    axes: FloatArray, numbers: FloatArray, row: FloatArray, grid: FloatArray,
 ) -> FloatArray:  # fmt: skip
     """(2, batch, emitter, receiver) light mirrored by the top: never by the steep skirt, and at least once by it."""
-    top = FormedTop(origin, axes, numbers, rows, grid)
+    top = FormedTop(origin, axes, numbers, row, grid)
     out = np.zeros((emitters.shape[0], 2, BATCHES, receivers.shape[0]))
     work = np.zeros(SIGHTS + SIGHT * (receivers.shape[0] + 1))
     for i in range(emitters.shape[0]):
@@ -108,10 +108,10 @@ def mirrored_matrix(
 def scattered_matrix(
     emitters: FloatArray, receivers: FloatArray, rays: int, steps: FloatArray, shift: FloatArray, absorbs: float,
     index: float, reflectances: FloatArray, walls: FloatArray, arcs: FloatArray, origin: FloatArray,
-    axes: FloatArray, numbers: FloatArray, rows: FloatArray, grid: FloatArray,
+    axes: FloatArray, numbers: FloatArray, row: FloatArray, grid: FloatArray,
 ) -> FloatArray:  # fmt: skip
     """(2, emitter, receiver) light scattered once, and light scattered more often."""
-    top = FormedTop(origin, axes, numbers, rows, grid)
+    top = FormedTop(origin, axes, numbers, row, grid)
     out = np.zeros((emitters.shape[0], 2, receivers.shape[0]))
     for i in range(emitters.shape[0]):
         moved = shift + GOLDEN * (i + 1.0) * np.arange(1, shift.shape[0] + 1)
@@ -136,11 +136,11 @@ def scattered_matrix(
 def deposit_matrix(
     windows: FloatArray, wanted: BoolArray, receivers: FloatArray, rays: int, steps: FloatArray,
     shift: FloatArray, absorbs: float, index: float, walls: FloatArray, arcs: FloatArray,
-    origin: FloatArray, axes: FloatArray, numbers: FloatArray, rows: FloatArray, grid: FloatArray,
+    origin: FloatArray, axes: FloatArray, numbers: FloatArray, row: FloatArray, grid: FloatArray,
     layout: FloatArray, patches: int,
 ) -> FloatArray:  # fmt: skip
     """(batch, window, patch) light on patches of walls, bottom and tip from requested emitters or receivers."""
-    top = FormedTop(origin, axes, numbers, rows, grid)
+    top = FormedTop(origin, axes, numbers, row, grid)
     out = np.zeros((windows.shape[0], RAY_BATCHES, patches))
     for i in range(windows.shape[0]):
         if wanted[i]:

@@ -26,7 +26,7 @@ from optopad.sims.optics.engine.general.top import (
     SPHERE,
     FormedTop,
     empty_grid,
-    empty_rows,
+    empty_row,
 )
 from optopad.sims.optics.scene.optical_scene import OpticalScene, PadForm
 from optopad.sims.optics.surface.curves import (
@@ -68,46 +68,28 @@ class FormedStack:
         """Top in the state of a given number."""
         row = self.rows[state]
         numbers = row[FRAME : FRAME + NUMBERS]
-        table = row[None, FRAME + NUMBERS :].copy() if numbers[OUTER] > 0.0 else empty_rows()
+        table = row[FRAME + NUMBERS :].copy() if numbers[OUTER] > 0.0 else empty_row()
         axes = row[3:FRAME].reshape(3, 3).copy()
         return FormedTop(row[:3].copy(), axes, numbers.copy(), table, self.field[state])
 
 
-def check_formed(scene: OpticalScene, presses: Sequence[object], fields: Sequence[object] | None) -> None:
-    """Refuse states that cannot be traced on disc and crowned pads.
-
-    Raises
-    ------
-    InputError : there are fields or smooth walls.
-    ModelScopeError : several tips press at once.
-    """
+def check_formed(scene: OpticalScene, fields: Sequence[object] | None) -> None:
+    """Refuse fields and smooth walls on disc and crowned pads: InputError."""
     if fields is not None and any(field is not None for field in fields):
         raise InputError("fields: only on a block with a flat top one is traced; leave them out")
     if scene.wall_index is not None:
         raise InputError("wall_index: smooth walls are traced in blocks with a flat top alone")
-    for press in presses:
-        single_press(press)
 
 
-def single_press(press: object) -> Indentation | GridTop | None:
-    """The only press of a state, given alone or in a sequence; None for the untouched pad."""
-    listed = list(press) if isinstance(press, Sequence) else [press]
-    if len(listed) != 1 or not (listed[0] is None or isinstance(listed[0], (Indentation, GridTop))):
-        raise ModelScopeError(
-            "indentations: one tip alone is traced on pads that are no blocks; press with one"
-        )
-    one = listed[0]
-    is_bent = one is not None and (one.height_mm.any() if isinstance(one, GridTop) else one.depth_mm > 0.0)
-    return one if is_bent else None
-
-
-def stack_formed(scene: OpticalScene, centres_mm: FloatArray, presses: Sequence[object]) -> FormedStack:
+def stack_formed(
+    scene: OpticalScene, centres_mm: FloatArray, presses: Sequence[Indentation | GridTop | None]
+) -> FormedStack:
     """Convert the states of a disc or crowned pad, each with one press or none, to arrays.
 
     Parameters
     ----------
     scene : the pad
-    centres_mm : (state, 2) or (state, 1, 2) location of the press in plan [mm]; ignored for an untouched state, and
+    centres_mm : (state, 2) location of the press in plan [mm]; ignored for an untouched state, and
         for a grid, which has its own
     presses : for each state a press or a grid, or None if untouched; heights are measured from the untouched top, along
         the normal at the location
@@ -118,24 +100,28 @@ def stack_formed(scene: OpticalScene, centres_mm: FloatArray, presses: Sequence[
     ModelScopeError : a press goes through the clear layer, a tip overlaps a wall, or the crown falls too steeply around
         a press.
     """
-    centres = np.asarray(centres_mm, dtype=np.float64).reshape(-1, 2)
-    if len(centres) != len(presses):
-        raise InputError(f"centres_mm: shape {np.shape(centres_mm)}, needs ({len(presses)}, 2)")
+    centres = np.asarray(centres_mm, dtype=np.float64)
+    if centres.shape != (len(presses), 2):
+        raise InputError(f"centres_mm: shape {centres.shape}, needs ({len(presses)}, 2)")
     rows, field = np.zeros((len(presses), FRAME + NUMBERS + FORMED_ROW)), [empty_grid()] * len(presses)
-    for state, (centre, given) in enumerate(zip(centres, presses, strict=True)):
-        press = single_press(given)
-        if isinstance(press, GridTop):
+    for state, (centre, press) in enumerate(zip(centres, presses, strict=True)):
+        if press is None or not _is_bent(press):
+            top = formed_top(scene, centre, None)
+        elif isinstance(press, GridTop):
             check_grid(scene, state, press)
             check_crown(scene, state, *press.at_mm)
             top = gridded(formed_top(scene, np.array(press.at_mm), None, at_apex=False), press)
             field[state] = top.grid
         else:
-            if press is not None:
-                check_place(scene, state, centre, press)
+            check_place(scene, state, centre, press)
             top = formed_top(scene, centre, press)
-        packed = np.concatenate([top.origin, top.axes.ravel(), top.numbers, top.rows.ravel()])
+        packed = np.concatenate([top.origin, top.axes.ravel(), top.numbers, top.row])
         rows[state, : len(packed)] = packed
     return FormedStack(rows=rows, field=field)
+
+
+def _is_bent(press: Indentation | GridTop) -> bool:
+    return bool(press.height_mm.any()) if isinstance(press, GridTop) else press.depth_mm > 0.0
 
 
 def check_place(scene: OpticalScene, state: int, centre_mm: FloatArray, press: Indentation) -> None:
@@ -263,11 +249,11 @@ def formed_top(
     kind, radius, mean = _crown_numbers(form.top)
     numbers = np.zeros(NUMBERS)
     numbers[:3] = kind, radius, mean
-    rows = empty_rows()
+    row = empty_row()
     if press is not None:
-        rows, radii = _lowered(press, mean, scene.height_mm)
+        row, radii = _lowered(press, mean, scene.height_mm)
         numbers[DEPTH : SKIRT_EDGE + 1] = press.depth_mm, *radii
-    return FormedTop(origin, np.ascontiguousarray(axes), numbers, rows, empty_grid())
+    return FormedTop(origin, np.ascontiguousarray(axes), numbers, row, empty_grid())
 
 
 def _crown_numbers(top: Top) -> tuple[float, float, float]:
@@ -277,7 +263,7 @@ def _crown_numbers(top: Top) -> tuple[float, float, float]:
 
 
 def _lowered(press: Indentation, mean_mm: float, clear_mm: float) -> tuple[FloatArray, tuple[float, ...]]:
-    """(1, n) radial table of a press's height; the press's outer, contact and skirt radius [mm]."""
+    """(n,) radial table of a press's height; the press's outer, contact and skirt radius [mm]."""
     check_curve(press, clear_mm)
     numbers, table, _ = lower_curve(press, 0.0, mean_mm)
     row = np.zeros(FORMED_ROW)
@@ -287,4 +273,4 @@ def _lowered(press: Indentation, mean_mm: float, clear_mm: float) -> tuple[Float
     lowest = np.minimum(lowest_of_pieces_mm(table.pieces), 0.0)
     row[CUPS:] = outward_cup(table)
     row[LOWS:CUPS] = np.minimum.accumulate(lowest[::-1])[::-1]
-    return row[None], (numbers[OUTER_R], numbers[CONTACT_R], numbers[SKIRT_R])
+    return row, (numbers[OUTER_R], numbers[CONTACT_R], numbers[SKIRT_R])

@@ -29,7 +29,7 @@ On a grid of heights d is a bicubic patch in each cell (`grid`). Rays pass block
 stay, and are tested once per cell elsewhere. So a chord through the top within a cell of size s may be missed: at a
 curvature κ it is κ s² / 8 deep, 4 µm for 0.2 mm and an edge of radius 1.25 mm.
 
-The model leaves out the second height where the curve folds, and several tips but on a grid.
+The model leaves out the second height where the curve folds. Several tips are a grid.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ class FormedTop(NamedTuple):
         depth of the press; radius beyond which d is 0; contact radius; skirt radius, within which a reflection counts
         as the skirt's [mm]; x and y of the grid's first node, and distance of its nodes [mm]. The last seven are 0 if
         untouched, the last three if d is radial
-    rows : (1, `FORMED_ROW`) radial table of d (`optopad.sims.optics.surface.curves`), then lowest heights, then largest
+    row : (`FORMED_ROW`,) radial table of d (`optopad.sims.optics.surface.curves`), then lowest heights, then largest
         cups; of a grid, only the bounds from each radius outward are used; if untouched, a single 0
     grid : (nx, ny, `NODE`) values at the nodes of a grid: d, its slopes along x and y, its mixed derivative; level of
         the contact, above 0 inside; 1 in the skirt, else 0; number of the contact's patch; and, at node (i, j), the
@@ -101,7 +101,7 @@ class FormedTop(NamedTuple):
     origin: FloatArray
     axes: FloatArray
     numbers: FloatArray
-    rows: FloatArray
+    row: FloatArray
     grid: FloatArray
 
 
@@ -164,9 +164,9 @@ def dimple(top: FormedTop, x: float, y: float) -> tuple[float, float, float]:
         return 0.0, 0.0, 0.0
     if top.numbers[GRID_STEP] > 0.0:
         return _on_grid(top, x, y)
-    value, turned = height_and_slope(r2, 0, top.rows)
+    value, turned = height_and_slope(r2, top.row)
     mean = top.numbers[MEAN]
-    if r2 <= top.rows[0, SPHERE_2] and mean > 0.0:
+    if r2 <= top.row[SPHERE_2] and mean > 0.0:
         root = math.sqrt(max(mean * mean - r2, 1e-12))
         value += r2 / (mean + root)
         turned += 1.0 / root
@@ -455,13 +455,13 @@ def is_open(
 @inlined
 def _bounds(top: FormedTop, r2: float) -> tuple[float, float, float]:
     """Lowest d [mm], largest slope of d [-] and largest cup of d [1/mm] from a squared radius r2 outward."""
-    rows = top.rows
+    row = top.row
     if r2 >= top.numbers[OUTER] * top.numbers[OUTER]:
         return 0.0, 0.0, 0.0
-    if r2 <= rows[0, SPHERE_2]:
+    if r2 <= row[SPHERE_2]:
         return -top.numbers[DEPTH], NEVER, NEVER
-    k = min(int(math.sqrt(rows[0, SCALE] * r2 + rows[0, OFFSET]) - rows[0, START]), CELLS - 1)
-    return rows[0, LOWS + k], rows[0, PIECES + PIECE_COLUMNS * k + STEEP], rows[0, CUPS + k]
+    k = min(int(math.sqrt(row[SCALE] * r2 + row[OFFSET]) - row[START]), CELLS - 1)
+    return row[LOWS + k], row[PIECES + PIECE_COLUMNS * k + STEEP], row[CUPS + k]
 
 
 @kernel
@@ -520,9 +520,9 @@ def is_skirt(top: FormedTop, x: float, y: float) -> bool:
     return x * x + y * y < edge * edge
 
 
-def empty_rows() -> FloatArray:
-    """(1, 1) radial table of an untouched top, which is 0."""
-    return np.zeros((1, 1))
+def empty_row() -> FloatArray:
+    """(1,) radial table of an untouched top, which is 0."""
+    return np.zeros(1)
 
 
 def empty_grid() -> FloatArray:

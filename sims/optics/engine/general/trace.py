@@ -19,7 +19,7 @@ mirrored light. `change_error` leaves out what cancels in the difference of two 
 all states share, and the error of fixed rules, which is the same share of equal changes. No error covers light
 scattered more than once that the dimple obstructs.
 
-This model leaves out smooth walls, fields and folds, and several tips but on a grid of heights.
+This model leaves out smooth walls, fields and folds. Several tips are traced on a grid of heights.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ from optopad.sims.optics.engine.general.top import (
     SPHERE,
     FormedTop,
     empty_grid,
-    empty_rows,
+    empty_row,
     out_of_frame,
 )
 from optopad.sims.optics.engine.threads import run_each
@@ -180,7 +180,7 @@ def _scattered(ways: FormedWays, top: FormedTop, wanted: BoolArray) -> tuple[Flo
     pad, untouched = ways.pad, ways.pad.flux[4]
     weight = pad.patches.weight.copy()
     is_grid = top.numbers[GRID_STEP] > 0.0
-    tip = patch_areas(top) if is_grid else np.full(TIP_PATCHES, top.rows[0, CONTACT_AREA] / TIP_PATCHES)
+    tip = patch_areas(top) if is_grid else np.full(TIP_PATCHES, top.row[CONTACT_AREA] / TIP_PATCHES)
     weight[-TIP_PATCHES:] = np.divide(
         pad.scene.tip_reflectance, tip, out=np.zeros(TIP_PATCHES), where=tip > 0.0
     )
@@ -208,4 +208,4 @@ def _without_press(top: FormedTop) -> FormedTop:
     """The untouched top in the coordinates of a press."""
     numbers = top.numbers.copy()
     numbers[[DEPTH, OUTER, CONTACT_EDGE, SKIRT_EDGE, GRID_STEP]] = 0.0
-    return top._replace(numbers=numbers, rows=empty_rows(), grid=empty_grid())
+    return top._replace(numbers=numbers, row=empty_row(), grid=empty_grid())

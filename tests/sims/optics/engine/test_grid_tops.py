@@ -28,9 +28,9 @@ entry = entry_points((*KERNEL_MODULES, sys.modules[__name__]), error_model="nump
 
 
 @entry
-def way_out_mm(x, y, z, dx, dy, dz, limit, origin, axes, numbers, rows, grid):
+def way_out_mm(x, y, z, dx, dy, dz, limit, origin, axes, numbers, row, grid):
     """Where a ray leaves through the top; and where its height above the top first exceeds 1 µm."""
-    top = FormedTop(origin, axes, numbers, rows, grid)
+    top = FormedTop(origin, axes, numbers, row, grid)
     found = top_hit(top, x, y, z, dx, dy, dz, limit)
     t = 0.0
     while t < limit and above(top, x + t * dx, y + t * dy, z + t * dz) < 1e-3:

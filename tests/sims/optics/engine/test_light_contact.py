@@ -28,31 +28,31 @@ RINGS, COLUMNS = 10, 24
 
 
 @entry
-def lattice_and_heights(box, rows, field, in_contact, rings, columns_around, shifts):
+def lattice_and_heights(box, row, field, in_contact, rings, columns_around, shifts):
     """Lattices of several offsets; heights of the top at the sphere's end and at the contact's edge."""
-    top = Top(rows, field)
+    top = Top(row, field)
     sectors = top_grid.sectors_of(top, box)
     columns = top_grid.columns_of(columns_around, 0.5, sectors)
     size = (shifts.shape[0], in_contact + rings, columns.shape[0], top_light.POINT_COLUMNS)
     lattices = np.zeros(size)
     for n in range(shifts.shape[0]):
         top_light.lattice_points(in_contact, columns, shifts[n, 0], shifts[n, 1], sectors, top, lattices[n])
-    first = surface_height(rows[0, X] + rows[0, SPHERE_R], rows[0, Y], top)
-    return lattices, first, surface_height(rows[0, X] + 0.999999 * rows[0, CONTACT_R], rows[0, Y], top)
+    first = surface_height(row[X] + row[SPHERE_R], row[Y], top)
+    return lattices, first, surface_height(row[X] + 0.999999 * row[CONTACT_R], row[Y], top)
 
 
 def contact_area(press: Indentation, in_contact: int) -> tuple[float, float]:
     """Area of a contact by the lattice, and in closed form: sphere, and cylinder where the shank is wrapped [mm²]."""
     scene = benchmark_scene()
     box, _, _ = packed(scene)
-    rows, field = stack_tops([press], PLACE_MM, scene, None).part(np.array([0]))
+    (row,), field = stack_tops([press], PLACE_MM, scene, None).part(np.array([0]))
     shifts = np.array([[0.2, 0.6], [0.8, 0.4]])
-    lattices, low, high = lattice_and_heights(box, rows[0], field[0], in_contact, RINGS, COLUMNS, shifts)
+    lattices, low, high = lattice_and_heights(box, row, field[0], in_contact, RINGS, COLUMNS, shifts)
     touched = lattices[:, :in_contact]
     assert (touched[..., top_light.TOUCHED] == 1.0).all()
     slope = np.hypot(touched[..., top_light.GX], touched[..., top_light.GY])
     found = (touched[..., top_light.AREA] * np.hypot(1.0, slope)).sum() / len(shifts)
-    tip, sphere = rows[0][0, TIP_R], rows[0][0, SPHERE_R]
+    tip, sphere = row[TIP_R], row[SPHERE_R]
     cap = 2.0 * np.pi * tip * (tip - np.sqrt(tip**2 - sphere**2))
     return float(found), float(cap + 2.0 * np.pi * tip * (high - low))
 

@@ -34,13 +34,13 @@ UNCLEAR_MM = 2e-4
 def test_a_leg_is_clear_where_the_top_lies_above_it_all_the_way(surface: str, depth_index: int) -> None:
     scene, states = benchmark_scene(), benchmark_states(surface).some([depth_index])
     centre = np.asarray(states.centres_mm)[0]
-    rows = stack_tops(states.indentations, states.centres_mm, scene, None).rows[0]
+    row = stack_tops(states.indentations, states.centres_mm, scene, None).rows[0]
     rng = np.random.default_rng(4)
     clear = hidden = 0
     for _ in range(LEGS):
-        radius, angle = rng.uniform(rows[0, CONTACT_R] + 0.05, 9.0), rng.uniform(0.0, 2.0 * np.pi)
+        radius, angle = rng.uniform(row[CONTACT_R] + 0.05, 9.0), rng.uniform(0.0, 2.0 * np.pi)
         start = centre + radius * np.array([np.cos(angle), np.sin(angle)])
-        z, turn = height_and_slope(radius * radius, 0, rows)
+        z, turn = height_and_slope(radius * radius, row)
         leg = np.array([*rng.uniform(0.0, 32.0, 2), rng.uniform(0.5, 7.5)]) - [*start, z]
         length = float(np.linalg.norm(leg))
         direction = leg / length
@@ -49,10 +49,10 @@ def test_a_leg_is_clear_where_the_top_lies_above_it_all_the_way(surface: str, de
         along = np.linspace(0.02, length, SAMPLES)
         places = start + along[:, None] * direction[:2]
         r2 = ((places - centre) ** 2).sum(axis=1)
-        gap = min(height(one, 0, rows) - z - t * direction[2] for one, t in zip(r2, along, strict=True))
+        gap = min(height(one, row) - z - t * direction[2] for one, t in zip(r2, along, strict=True))
         if abs(gap) < UNCLEAR_MM:
             continue
-        assert is_clear(*start, z, *direction, length, one_tip(rows)) == (gap > 0.0)
+        assert is_clear(*start, z, *direction, length, one_tip(row)) == (gap > 0.0)
         clear, hidden = clear + (gap > 0.0), hidden + (gap < 0.0)
     assert clear > LEGS // 10
     assert hidden > 3
@@ -70,12 +70,12 @@ def test_a_face_that_is_told_to_be_in_view_has_no_line_through_the_top(place_mm:
         field = smooth_field(
             lambda x, y, surface=surface: surface.beside_mm(x[:, 0], y[0]), 32.0, 32.0, 0.75, 2
         )
-        rows, cells = stack_tops([surface.near], press[None, :2], scene, [field]).part(np.arange(1))
-        top = Top(rows[0], cells[0])
+        (row,), cells = stack_tops([surface.near], press[None, :2], scene, [field]).part(np.arange(1))
+        top = Top(row, cells[0])
         for face in emitters:
             wall, along, z, half_width, half_height = face[:5]
             for x, y in rng.uniform(0.5, 31.5, (40, 2)):
-                if np.hypot(x - press[0], y - press[1]) < rows[0, 0, CONTACT_R]:
+                if np.hypot(x - press[0], y - press[1]) < row[CONTACT_R]:
                     continue
                 start = np.array([x, y, height_at(x, y, top)])
                 if may_be_shaded(*start, face, box, top):

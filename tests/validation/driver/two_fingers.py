@@ -1,0 +1,180 @@
+"""Two fingers that pass each other on the paper's pad, read through the whole chain: docs/images/two-fingers.svg.
+
+    python -m tests.validation.driver.two_fingers          (about ten minutes of two cores, two with known light)
+
+The simulated board has light that was traced with another seed than the model's, interpolated by a spline, and
+multiplies the ratios of both fingers, as `optopad driver fake` does. Its frames go over a pseudo-terminal to the driver
+and through drift tracking, model and track numbers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from optopad.design.arrays import FloatArray, IntArray
+from optopad.design.draft import Draft
+from optopad.design.preset import preset
+from optopad.fabrication.driver import Sensor
+from optopad.fabrication.driver.simulated.board import FakeBoard
+from optopad.fabrication.driver.simulated.finger import HOVER_MM, FingerPath
+from optopad.fabrication.driver.simulated.port import FakePort
+from optopad.fabrication.driver.touch_reader import Touch, TouchReader
+from optopad.fabrication.driver_config import driver_config
+from optopad.fabrication.driver_file import DriverConfig
+from optopad.sensor import simulated_gain
+from optopad.sims.learning.inference.signal_map import SignalMapModel
+from optopad.sims.learning.together_fit import fit_together
+from optopad.sims.learning.traced_map import SignalMap, measured_error, traced_map
+from optopad.sims.plots.style import BLUE, GREEN, GREY, INK, PALE_ORANGE, VERMILLION
+from tests.validation.driver.slip_frames import (
+    FINE_DEPTHS,
+    FINE_PITCH_MM,
+    KNOWN_SEED,
+    TRUE_SEED,
+    bench_with,
+)
+
+FILE = Path(__file__).parents[3] / "docs" / "images" / "two-fingers.svg"
+NAME = "piacenza2017-pad"
+NEAREST_MM, DEPTH_MM, SPEED_MM_S = 6.1, 1.0, 15.0
+"""Nearest distance of both fingers, which is that of tips that almost touch; depth and speed of both."""
+REST_S, IN_S, HELD_S = 1.2, 0.3, 0.3
+FROM_MM, TO_MM, MIDDLE_MM = 8.0, 24.0, 16.0
+BOOT_S = 0.2
+COLOURS = {1: BLUE, 2: VERMILLION}
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapLight:
+    """Signals of a pad under several fingers by a map of its light, as the simulated board needs them.
+
+    Attributes
+    ----------
+    known : map of the light
+    gains : (receiver,) reading of each receiver if it got all of an emitter's power [counts]
+    """
+
+    known: SignalMap
+    gains: FloatArray
+    knows_presses = True
+
+    @cached_property
+    def untouched(self) -> FloatArray:
+        """Signals of the untouched pad, shape (emitters, receivers) [counts]."""
+        return np.asarray(self.known.untouched.reshape(self.known.flux.shape[3:]) * self.gains)
+
+    def together(self, tips: FloatArray) -> FloatArray:
+        """Signals while several tips (tip, 3) press at a time, shape (emitters, receivers) [counts]."""
+        touching = tips[tips[:, 2] > 0.0]
+        ratio = self._root.values(touching).prod(axis=0) ** 2
+        return np.asarray(self.untouched * ratio.reshape(self.untouched.shape))
+
+    @cached_property
+    def _root(self):  # type: ignore[no-untyped-def]
+        return self.known.ratio_root
+
+
+@dataclass(frozen=True, kw_only=True)
+class TwoFingers:
+    """The paper's pad with a simulated board, and a model that knows two touches."""
+
+    config: DriverConfig
+    light: MapLight
+    model: SignalMapModel
+
+    def read(self, path: FingerPath) -> list[Touch]:
+        """The touches of one round of a path, through port, driver and model."""
+        board = FakeBoard(self.config, self.light, path)  # type: ignore[arg-type]
+        with FakePort(board) as port, Sensor(self.config, port.name, baseline_s=0.0) as sensor:
+            found = list(TouchReader(sensor, self.model, touches=2).touches(seconds=float(path.time_s[-1])))
+        return [touch for touch in found if touch.frame.device_us < 1e6 * path.time_s[-1]]
+
+
+def prepared() -> TwoFingers:
+    """Trace the light, and train the model."""
+    design = preset(NAME)
+    truth = traced_map(design, seed=TRUE_SEED)
+    known = traced_map(design, pitch_mm=FINE_PITCH_MM, depth_nodes=FINE_DEPTHS, seed=KNOWN_SEED)
+    known = replace(known, error=measured_error(design, known).of_ratio(known.untouched))
+    model = bench_with(NAME, design, truth, known).model
+    gain = simulated_gain(design, seed=0, on_step=lambda _stage, _share: None)
+    config = driver_config(design, gain.counts_per_flux, gain.untouched_readings(design))
+    return TwoFingers(
+        config=replace(config, board=replace(config.board, boot_s=BOOT_S)),
+        light=MapLight(known=truth, gains=np.array(gain.counts_per_flux)),
+        model=fit_together(Draft.of(design), model, known),
+    )
+
+
+def crossing(nearest_mm: float = NEAREST_MM, depth_mm: float = DEPTH_MM) -> FingerPath:
+    """Two fingers of equal depth on parallel strokes against each other."""
+    slid_s = (TO_MM - FROM_MM) / SPEED_MM_S
+    steps = [(0.0, 0, HOVER_MM), (REST_S, 0, HOVER_MM), (IN_S, 0, depth_mm), (HELD_S, 0, depth_mm)]
+    steps += [(slid_s, 1, depth_mm), (HELD_S, 1, depth_mm), (IN_S, 1, HOVER_MM), (HELD_S, 1, HOVER_MM)]
+    ends, y_mm = (FROM_MM, TO_MM), nearest_mm / 2
+    press = [
+        [(ends[at], MIDDLE_MM - y_mm, depth), (ends[1 - at], MIDDLE_MM + y_mm, depth)]
+        for _, at, depth in steps
+    ]
+    return FingerPath(time_s=np.cumsum([step for step, *_ in steps]), press_mm=np.array(press))
+
+
+def tracked(touches: list[Touch]) -> tuple[FloatArray, IntArray, FloatArray]:
+    """Time [s], number and x, y, depth [mm] of every contact."""
+    rows = [
+        (touch.frame.device_us / 1e6, one.number, *one.press_mm)
+        for touch in touches
+        for one in touch.contacts
+    ]
+    table = np.array(rows).reshape(-1, 5)
+    return table[:, 0], table[:, 1].astype(np.int64), table[:, 2:]
+
+
+def plot_places(path: FingerPath, touches: list[Touch], two_point_mm: float, ax: Axes) -> None:
+    """Tracks of both touches over the true strokes, seen from above."""
+    _, number, place = tracked(touches)
+    for k, tip in enumerate(np.moveaxis(path.press_mm, 1, 0)):
+        ax.plot(*tip[tip[:, 2] > 0.0, :2].T, color=INK, lw=0.8, label="true strokes" if k == 0 else None)
+    for one in np.unique(number):
+        mine = number == one
+        ax.plot(*place[mine, :2].T, ".", ms=3.5, color=COLOURS.get(int(one), GREY), label=f"touch {one}")
+    low = MIDDLE_MM - two_point_mm / 2
+    ax.errorbar(MIDDLE_MM, MIDDLE_MM, two_point_mm / 2, color=GREEN, capsize=4, lw=1.2)
+    ax.text(
+        MIDDLE_MM + 0.4, low + 0.25 * two_point_mm, f"two-point limit\n{two_point_mm:.1f} mm", color=GREEN
+    )
+    ax.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal", ylim=(MIDDLE_MM - 6.0, MIDDLE_MM + 6.0))
+    ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncol=3)
+
+
+def plot_distance(path: FingerPath, touches: list[Touch], two_point_mm: float, ax: Axes) -> None:
+    """True and found distance of both touches over time."""
+    time_s = np.array([touch.frame.device_us / 1e6 for touch in touches])
+    tips = path.at(time_s)
+    both = (tips[..., 2] > 0.0).all(axis=1)
+    ax.plot(time_s[both], np.linalg.norm(tips[both, 0, :2] - tips[both, 1, :2], axis=1), color=INK, lw=0.8)
+    two = [(t, touch) for t, touch in zip(time_s, touches, strict=True) if len(touch.contacts) == 2]
+    apart = [
+        np.linalg.norm(np.diff([one.press_mm[:2] for one in touch.contacts], axis=0)) for _, touch in two
+    ]
+    ax.plot([t for t, _ in two], apart, ".", ms=3.0, color=BLUE)
+    for t, touch in zip(time_s, touches, strict=True):
+        if len(touch.contacts) == 1:
+            ax.axvline(t, color=PALE_ORANGE, lw=1.5, zorder=-1)
+    ax.axhline(two_point_mm, color=GREEN, lw=1.2)
+    ax.set(xlabel="time [s]", ylabel="distance of both [mm]", ylim=(0.0, None))
+
+
+def figure(path: FingerPath, touches: list[Touch], two_point_mm: float) -> Figure:
+    """Both plots."""
+    made = Figure(figsize=(5.2, 5.4), layout="constrained")
+    upper, lower = made.subplots(2, 1, height_ratios=(1.5, 1.0))
+    plot_places(path, touches, two_point_mm, upper)
+    plot_distance(path, touches, two_point_mm, lower)
+    return made
