@@ -36,6 +36,7 @@ from optopad.report.sections.signals import (
     signal_section,
     tolerance_section,
 )
+from optopad.report.sections.touches import touches_drawing, touches_of, touches_section
 from optopad.report.sections.verdict import verdict_part
 from optopad.report.words import asset, part, script_policy, script_text
 from optopad.sims.score.result import ContinuityScore
@@ -53,6 +54,7 @@ TITLES = {
     "force": "Load",
     "objects": "Objects",
     "shear": "Shear",
+    "touches": "Two touches",
     "build": "Build",
     "mold": "Checks",
     "warnings": "Warnings",
@@ -77,7 +79,8 @@ class Found:
     light : the light paths for the 3D view, or a text that says why there are none; None if there is no verdict
     sheet : the picture of these paths for print; None if there are none
     maps : maps of the pad by depth; None if the score has no map
-    objects, shear : what the pad sees of objects, and of sideways load; None if this was not computed
+    objects, shear, touches : what the pad sees of objects, of sideways load and of two touches; None if this was not
+        computed
     """
 
     checks: dict[str, Any]
@@ -91,6 +94,7 @@ class Found:
     maps: MapScene | None
     objects: dict[str, Any] | None = None
     shear: dict[str, Any] | None = None
+    touches: dict[str, Any] | None = None
 
 
 Drawn = tuple[EarlyDrawings, dict[str, Drawing]]
@@ -115,11 +119,14 @@ def write_report(
     drawn : early drawings and those of the tolerance for this score; if None, they are made now
     """
     early, late = drawn or (early_drawings(design, score, seed=seed), tolerance_drawings(score))
-    drawings, objects, shear = early.drawings | late, objects_of(folder), shear_of(folder)
+    drawings = early.drawings | late
+    objects, shear, touches = objects_of(folder), shear_of(folder), touches_of(folder)
     if objects is not None:
         drawings["objects"] = objects_drawing(design, objects)
     if shear is not None:
         drawings["shear"] = shear_drawing(design, shear)
+    if touches is not None:
+        drawings["touches"] = touches_drawing(design, touches)
     _write_drawings(folder / "sims", drawings)
     found = Found(
         checks=checks,
@@ -133,6 +140,7 @@ def write_report(
         maps=early.maps,
         objects=objects,
         shear=shear,
+        touches=touches,
     )
     page = report_html(design, score, found, versions(), seed=seed)
     write_text_atomically(folder / PAGE, page)
@@ -193,4 +201,5 @@ def _light_sections(design: SensorDesign, score: ContinuityScore, found: Found) 
         "force": force_section(design, score, drawings),
         "objects": objects_section(found.objects, drawings),
         "shear": shear_section(found.shear, drawings),
+        "touches": touches_section(found.touches, drawings),
     }

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from optopad.bundle_parts import ANSWER, answer_parts, scored, write_pages
-from optopad.cli.verb import Asked, verb
+from optopad.cli.verb import Asked, typed, verb
 from optopad.design.errors import InputError, ModelScopeError
 from optopad.design.io import write_text_atomically
 from optopad.design.pad import Pad
@@ -21,11 +21,14 @@ from optopad.screen.held import object_lines
 from optopad.screen.output import Told, foretell_score
 from optopad.screen.score import Score
 from optopad.screen.shear import shear_lines
+from optopad.screen.touches import touch_lines
+from optopad.sims.contact.held.tips import MOST_TIPS
 from optopad.sims.held_score import OBJECTS, require_objects, score_objects
 from optopad.sims.score import scoring
 from optopad.sims.score.build_tolerance import DEFAULT_BUILDS
 from optopad.sims.score.result import ContinuityScore
 from optopad.sims.shear_score import SHEAR, require_shear, score_shear
+from optopad.sims.touches_score import TOUCHES, require_touches, score_touches
 from optopad.sims.verdict.builds import FEWEST_BUILDS, MOST_BUILDS
 from optopad.work import OUT, FinishedWork, beside
 
@@ -77,10 +80,11 @@ class _More:
 MORE = (
     _More(name="objects", require=require_objects, score=score_objects, lines=object_lines, file=OBJECTS),
     _More(name="shear", require=require_shear, score=score_shear, lines=shear_lines, file=SHEAR),
+    _More(name="touches", require=require_touches, score=score_touches, lines=touch_lines, file=TOUCHES),
 )
 
 
-@verb()
+@verb(touches=typed("N"))
 def score_command(
     design: SensorDesign,
     *,
@@ -90,6 +94,7 @@ def score_command(
     builds: int | None = None,
     objects: bool = False,
     shear: bool = False,
+    touches: int = 1,
     out: Path = Path(OUT),
     seed: int = 0,
     details: bool = False,
@@ -106,11 +111,14 @@ def score_command(
     builds : Units of the Monte Carlo of --tolerance (200 if left out).
     objects : Also report how well the pad distinguishes ball, cylinder, edge, face and corner.
     shear : Also report how well the pad resolves sideways load, and what it does to models without it.
+    touches : 2: also report how near two touches may be before they look like one.
     """
     drawn = _drawn_builds(tolerance, builds)
+    if touches not in (1, MOST_TIPS):
+        raise InputError(f"touches: {touches} is refused; the models know one or two")
     pad = Pad.of(design)
     foretell_score(pad, fine=fine, full=full, quiet=as_json)
-    more = [one for one, is_asked in zip(MORE, (objects, shear), strict=True) if is_asked]
+    more = [one for one, is_asked in zip(MORE, (objects, shear, touches > 1), strict=True) if is_asked]
     for one in more:
         one.require(pad)
     found, folder, added = _written(

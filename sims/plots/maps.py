@@ -95,6 +95,8 @@ FINE, MOST_WRITTEN = 160, 50
 FEW, LETTERS = 7, ((7.0, 4.6), (8.0, 5.5))
 """Number of locations along a side up to which numbers are large, and the font sizes of large and small numbers, first
 in a panel of a sheet and then in a large map [points]."""
+STROKE, GAP = 0.45, 0.25
+"""Half a stroke's length over the distance of locations, and the share that is left free at the location [-]."""
 MOST_NAMED = 32
 """Largest number of components whose names are shown."""
 
@@ -187,6 +189,50 @@ def plot_pull_sheet(
                     color=ink,
                 )
     add_scale(figure, panels, "least sideways force, one frame [N]", CHANGE_COLOURS, norm)
+    return figure
+
+
+def plot_touch_sheet(
+    draft: Draft,
+    places_mm: FloatArray,
+    directions_deg: Sequence[float],
+    depth_mm: Sequence[float],
+    distance: FloatArray,
+    least_mm: FloatArray,
+    touching_mm: float,
+) -> Figure:
+    """Distance (place, direction, depth) of two tips that touch each other from a single touch, a map for each depth.
+
+    At each location (place, 2) there is a stroke for each direction from one tip to the other [degrees].
+
+    Parameters
+    ----------
+    distance : [noise deviations]; NaN where two tips have no room
+    least_mm : least separation at which they are resolved as two [mm]; strokes of those above `touching_mm` are red,
+        and dotted if it is infinite
+    """
+    figure, panels = map_sheet(draft.cavity, [f"{depth:.2g} mm deep" for depth in depth_mm], PANEL_IN)
+    between = np.linalg.norm(places_mm[:, None] - places_mm, axis=2)
+    away = between[between > 0.0]
+    half = STROKE * float(away.min() if away.size else touching_mm)
+    angle = np.radians(directions_deg)
+    ways = half * np.column_stack([np.cos(angle), np.sin(angle)])
+    norm = _log_scale(distance)
+    for number, ax in enumerate(panels):
+        _draw_pad(ax, draft.cavity, is_large=False)
+        for (place, direction), value in np.ndenumerate(distance[..., number]):
+            if np.isnan(value):
+                continue
+            least = least_mm[place, direction, number]
+            is_near = least <= 1.01 * touching_mm
+            for sign in (-1.0, 1.0):
+                ends = places_mm[place] + sign * np.array([[GAP], [1.0]]) * ways[direction]
+                style = "-" if np.isfinite(least) else (0, (1, 1))
+                colour = CHANGE_COLOURS(float(norm(value))) if is_near else VERMILLION
+                if is_near:
+                    ax.plot(*ends.T, color=INK, linewidth=3.2, solid_capstyle="butt")
+                ax.plot(*ends.T, color=colour, linestyle=style, linewidth=2.4, solid_capstyle="butt")
+    add_scale(figure, panels, "distance of tips that touch each other [sigma]", CHANGE_COLOURS, norm)
     return figure
 
 

@@ -1,4 +1,4 @@
-"""Figures that a score computes only if asked: objects and sideways load, written beside the verdict or refused."""
+"""Figures that a score computes only if asked, of objects, sideways load and two touches: written, or refused."""
 
 from __future__ import annotations
 
@@ -45,11 +45,20 @@ def test_figures_are_written_for_the_report_and_a_refusal_is_not(tmp_path: Path)
         assert not file.exists()
 
 
-@pytest.mark.parametrize("flag", ["--objects", "--shear"])
+@pytest.mark.parametrize("flag", [["--objects"], ["--shear"], ["--touches", "2"]])
 def test_smooth_walls_are_refused_before_any_work(
-    flag: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    flag: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
     smooth = ["--set", "surfaces.wall_finish=glossy"]
-    assert main(["score", "piacenza2017-pair", flag, *smooth, "--out", str(tmp_path)]) == 2
+    assert main(["score", "piacenza2017-pair", *flag, *smooth, "--out", str(tmp_path)]) == 2
     assert "surfaces.wall_finish = 'diffuse'" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("touches", [0, 3])
+def test_more_than_two_touches_are_refused_before_any_work(
+    touches: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    assert main(["score", "piacenza2017-pair", "--touches", str(touches), "--out", str(tmp_path)]) == 2
+    assert f"touches: {touches} is refused; the models know one or two" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []

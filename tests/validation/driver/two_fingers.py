@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 
 from optopad.design.arrays import FloatArray, IntArray
 from optopad.design.draft import Draft
+from optopad.design.io import write_text_atomically
 from optopad.design.preset import preset
 from optopad.fabrication.driver import Sensor
 from optopad.fabrication.driver.simulated.board import FakeBoard
@@ -31,7 +32,8 @@ from optopad.sensor import simulated_gain
 from optopad.sims.learning.inference.signal_map import SignalMapModel
 from optopad.sims.learning.together_fit import fit_together
 from optopad.sims.learning.traced_map import SignalMap, measured_error, traced_map
-from optopad.sims.plots.style import BLUE, GREEN, GREY, INK, PALE_ORANGE, VERMILLION
+from optopad.sims.plots.style import BLUE, GREEN, GREY, INK, PALE_ORANGE, VERMILLION, plain_style, svg_text
+from optopad.sims.touches_score import TouchesScore, score_touches
 from tests.validation.driver.slip_frames import (
     FINE_DEPTHS,
     FINE_PITCH_MM,
@@ -178,3 +180,35 @@ def figure(path: FingerPath, touches: list[Touch], two_point_mm: float) -> Figur
     plot_places(path, touches, two_point_mm, upper)
     plot_distance(path, touches, two_point_mm, lower)
     return made
+
+
+def limit_mm(score: TouchesScore, depth_mm: float = DEPTH_MM) -> float:
+    """Least separation at which touches of this depth, one above the other in the middle of the pad, are resolved."""
+    place = int(np.linalg.norm(score.places_mm - MIDDLE_MM, axis=1).argmin())
+    direction, depth = score.directions_deg.index(90.0), int(np.abs(score.depth_mm - depth_mm).argmin())
+    return float(score.least_mm[place, direction, depth])
+
+
+def main() -> None:
+    """Draw the figure, and print what it shows."""
+    pad, path = prepared(), crossing()
+    touches = pad.read(path)
+    two_point_mm = limit_mm(score_touches(Draft.of(preset(NAME))))
+    with plain_style():
+        made = figure(path, touches, two_point_mm)
+    write_text_atomically(FILE, svg_text(made, "two-fingers"))
+    print(f"{FILE}: two-point limit {two_point_mm:.2f} mm; {summary(path, touches)}")
+
+
+def summary(path: FingerPath, touches: list[Touch]) -> str:
+    """Share of frames of two fingers with two touches, numbers, and errors of location."""
+    tips = path.at(np.array([touch.frame.device_us / 1e6 for touch in touches]))
+    both = (tips[..., 2] > 0.9 * DEPTH_MM).all(axis=1)
+    found = [touch for touch, is_both in zip(touches, both, strict=True) if is_both]
+    two = [len(touch.contacts) == 2 for touch in found]
+    numbers = sorted({one.number for touch in found for one in touch.contacts})
+    return f"{np.mean(two):.1%} of {len(two)} frames of both have two touches, numbered {numbers}"
+
+
+if __name__ == "__main__":
+    main()
