@@ -28,7 +28,8 @@ from optopad.design.draft import Draft
 from optopad.design.errors import InputError
 from optopad.design.progress import OnStep
 from optopad.design.recordings import signals_of
-from optopad.sims.contact.held.tips import MOST_TIPS, deepest_mm, require_hemisphere
+from optopad.sims import touches_score
+from optopad.sims.contact.held.tips import MOST_TIPS, deepest_mm
 from optopad.sims.contact.scope import contact_of
 from optopad.sims.learning.inference.touch_model import TouchModel
 from optopad.sims.learning.inference.two_touches import Touches, found_touches
@@ -59,12 +60,12 @@ def require_touches(touches: int, draft: Draft | None = None) -> None:
     Raises
     ------
     InputError : it is not 1 or 2.
-    ModelScopeError : two touches are asked for on a design whose tip is no hemisphere.
+    ModelScopeError : two touches are asked for on a design for which they are not modelled.
     """
     if touches not in (1, MOST_TIPS):
         raise InputError(f"touches: {touches} is refused; the models know one or two")
     if touches == MOST_TIPS and draft is not None:
-        require_hemisphere(draft)
+        touches_score.require_touches(draft)
 
 
 def knows_two(model: TouchModel) -> bool:
