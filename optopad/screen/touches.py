@@ -103,7 +103,7 @@ def _separations(found: dict[str, Any], least: FloatArray, room: BoolArray) -> l
             f"within {TOLD_APART:g} sigma"
         ]
     depths, touching = found["depth_mm"], found["touching_mm"]
-    at_once = (is_at_once(found) | ~room).all(axis=(0, 1))
+    at_once = np.asarray((is_at_once(found) | ~room).all(axis=(0, 1)))
     first = len(depths) - int(np.cumprod(at_once[::-1]).sum())
     lines = []
     if first < len(depths):
