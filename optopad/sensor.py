@@ -18,6 +18,9 @@ from optopad.design.progress import OnStep
 from optopad.fabrication.driver import sensor as driver
 from optopad.fabrication.driver.simulated.press_table import (
     PressTable,
+    SignalTable,
+    SplineTable,
+    gains_of,
     table_from_signals,
     table_of,
     untouched_table,
@@ -112,17 +115,20 @@ def with_expected_pattern(source: DriverSource, *, seed: int, on_step: OnStep) -
 
 
 def press_table(
-    source: DriverSource, *, is_still: bool = False, seed: int, on_step: OnStep
-) -> tuple[DriverConfig, PressTable]:
+    source: DriverSource, *, fingers: int = 1, seed: int, on_step: OnStep
+) -> tuple[DriverConfig, SignalTable]:
     """Configuration of a fake board, and its readings under presses.
 
     The readings come from the bundle's signals if there are any, otherwise from a draft simulation. If the design is
-    not known either, there are only readings of the untouched pad.
+    not known either, there are only readings of the untouched pad. Two fingers press a map of a known design, because
+    a model of two touches may explain the linear interpolation of the other tables by a second touch.
 
     Parameters
     ----------
-    is_still : whether nothing presses the pad; if True, no press is simulated
+    fingers : number of fingers; if 0, no press is simulated
     """
+    if fingers > 1 and source.design is not None:
+        return _mapped_table(source.config, source.design, seed=seed, on_step=on_step)
     if source.bundle is not None and source.config.gain.counts_per_flux is not None:
         signals = source.bundle / "sims" / "signals.nc"
         if signals.is_file():
@@ -131,7 +137,7 @@ def press_table(
         return source.config, untouched_table(source.config)
     gain = simulated_gain(source.design, seed=seed, on_step=on_step)
     config = _config(source.design, gain)
-    if is_still:
+    if not fingers:
         return config, untouched_table(config)
     return config, _simulated_table(source.design, gain, seed=seed, on_step=on_step)
 
@@ -177,6 +183,20 @@ def _simulated_table(design: SensorDesign, gain: SimulatedGain, *, seed: int, on
         on_step=lambda done, total: on_step("light", done / total),
     )
     return table_of(states, light.flux * np.array(gain.counts_per_flux), is_whole=not cavity.workspace.arcs)
+
+
+def _mapped_table(
+    config: DriverConfig, design: SensorDesign, *, seed: int, on_step: OnStep
+) -> tuple[DriverConfig, SplineTable]:
+    from optopad.sims.learning.traced_map import QUICK_DEPTH_NODES, QUICK_PITCH_MM, traced_map
+
+    if config.gain.counts_per_flux is None:
+        config = _config(design, simulated_gain(design, seed=seed, on_step=on_step))
+    known = traced_map(
+        design, pitch_mm=QUICK_PITCH_MM, depth_nodes=QUICK_DEPTH_NODES, seed=seed, on_step=on_step
+    )
+    untouched = known.untouched.reshape(known.flux.shape[3:]) * gains_of(config)
+    return config, SplineTable(untouched=untouched, ratio_root=known.ratio_root)
 
 
 def _config(design: SensorDesign, gain: SimulatedGain | None) -> DriverConfig:

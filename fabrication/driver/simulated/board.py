@@ -47,7 +47,7 @@ from optopad.fabrication.driver.link.protocol import (
     unpack_command,
 )
 from optopad.fabrication.driver.simulated.finger import NO_FINGER, Finger
-from optopad.fabrication.driver.simulated.press_table import PressTable
+from optopad.fabrication.driver.simulated.press_table import SignalTable
 from optopad.fabrication.driver_file import DriverConfig, MemoryNote
 
 DIM_SHARE = 0.2
@@ -204,7 +204,7 @@ class FakeBoard:
     def __init__(
         self,
         config: DriverConfig,
-        table: PressTable,
+        table: SignalTable,
         path: Finger = NO_FINGER,
         *,
         faults: Faults | None = None,

@@ -53,6 +53,11 @@ class FingerPath:
     time_s: FloatArray
     press_mm: FloatArray
 
+    @property
+    def fingers(self) -> int:
+        """Number of fingers."""
+        return int(self.press_mm[0].size) // 3
+
     def at(self, time_s: ArrayLike) -> FloatArray:
         """Positions at n times since the board's reset [s]; shape (n, 3), or (n, tip, 3) of several fingers [mm]."""
         period = self.time_s[-1]
@@ -67,7 +72,7 @@ class FingerPath:
         It is infinite where they do not touch both at a time. Depth is taken along z, as on a flat top.
         """
         tips = self.press_mm.reshape(len(self.press_mm), -1, 3)
-        if tips.shape[1] != 2:
+        if self.fingers != 2:
             return np.full(len(tips) - 1, np.inf)
         depth, slope = tips[:-1, :, 2], np.diff(tips[..., 2], axis=0)
         with np.errstate(divide="ignore", invalid="ignore"):

@@ -1,8 +1,9 @@
 """Table of a pad's signals by location and depth of a press, which the simulated board uses.
 
-The table is interpolated linearly in x, y and depth. Presses outside the table's grid get the nearest values, and a
-depth of 0 or less is the untouched pad. Real signals are not linear over depth steps of 0.2 mm, so the table is only
-suitable for testing software, not for judging a layout.
+A `PressTable` is interpolated linearly in x, y and depth. Presses outside the table's grid get the nearest values, and
+a depth of 0 or less is the untouched pad. Real signals are not linear over depth steps of 0.2 mm, so the table is only
+suitable for testing software, not for judging a layout. A model of two touches may explain what linear interpolation
+leaves by a second touch; a `SplineTable`, of more locations, is smooth.
 
 The signals of two fingers are those of the untouched pad times the product of the single fingers' ratios. The product
 leaves out that the fingers deform the surface between them together, and that light passes both: the correction that
@@ -21,6 +22,7 @@ from optopad.design.arrays import FloatArray
 from optopad.design.errors import InputError
 from optopad.design.netcdf_file import read_netcdf, require_numbers
 from optopad.fabrication.driver_file import DriverConfig
+from optopad.sims.learning.inference.signal_map import TensorSpline
 
 MOST_BYTES = 500_000_000
 """Largest size of a signal file [bytes]; 6,000 presses with 1,024 pairs need 50 MB."""
@@ -83,13 +85,41 @@ class PressTable:
         ----------
         tips : x, y and depth of each tip, shape (tip, 3) [mm]; a tip at a depth of 0 or less changes nothing
         """
-        rows = np.atleast_2d(np.asarray(tips, dtype=np.float64))
-        touching = rows[rows[:, 2] > 0.0]
-        first, *more = self.at(touching if len(touching) else rows[:1])
-        untouched = self.untouched
+        touching = _touching(tips)
+        if not len(touching):
+            return self.untouched.copy()
+        first, *more = self.at(touching)
         for one in more:
-            first = first * np.divide(one, untouched, out=np.ones_like(one), where=untouched > 0.0)
+            first = first * np.divide(one, self.untouched, out=np.ones_like(one), where=self.untouched > 0.0)
         return np.asarray(first)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SplineTable:
+    """Signals by a spline over x, y and √depth.
+
+    Attributes
+    ----------
+    untouched : signals of the untouched pad without ambient light, shape (emitters, receivers) [counts]
+    ratio_root : √(signal / untouched signal) of every pair
+    """
+
+    untouched: FloatArray
+    ratio_root: TensorSpline
+    knows_presses = True
+
+    def together(self, tips: ArrayLike) -> FloatArray:
+        """Signals while several tips press at a time, as of `PressTable`."""
+        ratio = self.ratio_root.values(_touching(tips)).prod(axis=0) ** 2
+        return np.asarray(self.untouched * ratio.reshape(self.untouched.shape))
+
+
+SignalTable = PressTable | SplineTable
+
+
+def _touching(tips: ArrayLike) -> FloatArray:
+    rows = np.atleast_2d(np.asarray(tips, dtype=np.float64))
+    return np.asarray(rows[rows[:, 2] > 0.0])
 
 
 def _neighbours(line: FloatArray, values: FloatArray) -> list[tuple[NDArray[np.intp], FloatArray]]:

@@ -22,7 +22,7 @@ from optopad.fabrication.driver.simulated.finger import (
     two_finger_path,
 )
 from optopad.fabrication.driver.simulated.port import FakePort, Wire, new_wire, require_free
-from optopad.fabrication.driver.simulated.press_table import PressTable
+from optopad.fabrication.driver.simulated.press_table import SignalTable
 from optopad.fabrication.driver_file import DriverConfig
 from optopad.fabrication.stage.fake_printer import FakePrinter, TipFinger
 from optopad.screen.answer import as_typed
@@ -77,8 +77,8 @@ def fake(
     given = _given(source, path, fingers)  # refused before the light is simulated
     faults = faults_of(source.config, fault)
     with progress(quiet=as_json) as step:
-        is_still = still and stage_link is None
-        said, table = press_table(source, is_still=is_still, seed=seed, on_step=step)
+        number = 0 if still and stage_link is None else 1 if given is None else given.fingers
+        said, table = press_table(source, fingers=number, seed=seed, on_step=step)
     is_own = given is None and not still and out is None
     printer = None if stage_link is None else _printer(said, table, is_own=is_own)
     option = "--fingers" if path is None else "--path"
@@ -147,7 +147,7 @@ def _apart_mm(path: FingerPath) -> float | None:
     return round(nearest_mm, 2) if math.isfinite(nearest_mm) else None
 
 
-def _printer(said: DriverConfig, table: PressTable, *, is_own: bool) -> FakePrinter:
+def _printer(said: DriverConfig, table: SignalTable, *, is_own: bool) -> FakePrinter:
     if not is_own or not table.knows_presses:
         reason = (
             "the tip is the finger; --path, --fingers, --still and --out contradict that"
@@ -161,7 +161,7 @@ def _printer(said: DriverConfig, table: PressTable, *, is_own: bool) -> FakePrin
 
 def _path(
     said: DriverConfig,
-    table: PressTable,
+    table: SignalTable,
     given: FingerPath | None,
     option: str,
     still: bool,

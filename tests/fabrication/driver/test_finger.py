@@ -18,8 +18,10 @@ from optopad.fabrication.driver.simulated.finger import (
     read_path,
     two_finger_path,
 )
+from optopad.fabrication.driver.simulated.press_table import SplineTable
 from optopad.fabrication.driver_file import MemoryNote
 from tests.fabrication.driver.made_up_pad import FULL_SCALE, pad_config, press_table
+from tests.sims.learning.made_up_map import made_up_signal_map, ratios, untouched_counts
 
 HEADING = "t_s,x_mm,y_mm,depth_mm,x2_mm,y2_mm,depth2_mm\n"
 
@@ -81,6 +83,16 @@ def test_signals_under_two_fingers_are_the_product_of_single_ratios() -> None:
     assert np.array_equal(table.together(lifted), table.at(tips[0])[0])
     dark = replace(table, counts=table.counts * (np.arange(8) > 0))
     assert np.isfinite(dark.together(tips)).all()
+
+
+def test_a_spline_of_ratios_has_the_same_rule_for_several_tips() -> None:
+    table = SplineTable(
+        untouched=untouched_counts().reshape(8, 8), ratio_root=made_up_signal_map().ratio_root
+    )
+    tips = np.array([[10.3, 16.2, 2.0], [22.1, 18.4, 1.0], [16.0, 10.0, HOVER_MM]])
+    expected = (untouched_counts() * ratios(tips[:2]).prod(axis=0)).reshape(8, 8)
+    assert table.together(tips) == pytest.approx(expected, rel=5e-3)
+    assert np.array_equal(table.together(tips[2]), table.untouched)
 
 
 def test_what_two_fingers_leave_is_of_the_deeper_one_s_deepest_moment_and_begins_when_both_are_lifted() -> (

@@ -10,12 +10,12 @@ and through drift tracking, model and track numbers.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Circle
 
 from optopad.design.arrays import FloatArray, IntArray
 from optopad.design.draft import Draft
@@ -25,14 +25,15 @@ from optopad.fabrication.driver import Sensor
 from optopad.fabrication.driver.simulated.board import FakeBoard
 from optopad.fabrication.driver.simulated.finger import HOVER_MM, FingerPath
 from optopad.fabrication.driver.simulated.port import FakePort
+from optopad.fabrication.driver.simulated.press_table import SplineTable
 from optopad.fabrication.driver.touch_reader import Touch, TouchReader
 from optopad.fabrication.driver_config import driver_config
 from optopad.fabrication.driver_file import DriverConfig
 from optopad.sensor import simulated_gain
 from optopad.sims.learning.inference.signal_map import SignalMapModel
 from optopad.sims.learning.together_fit import fit_together
-from optopad.sims.learning.traced_map import SignalMap, measured_error, traced_map
-from optopad.sims.plots.style import BLUE, GREEN, GREY, INK, PALE_ORANGE, VERMILLION, plain_style, svg_text
+from optopad.sims.learning.traced_map import measured_error, traced_map
+from optopad.sims.plots.style import BLUE, GREEN, GREY, INK, VERMILLION, WIDTH_IN, plain_style, svg_text
 from optopad.sims.touches_score import TouchesScore, score_touches
 from tests.validation.driver.slip_frames import (
     FINE_DEPTHS,
@@ -49,37 +50,9 @@ NEAREST_MM, DEPTH_MM, SPEED_MM_S = 6.1, 1.0, 15.0
 REST_S, IN_S, HELD_S = 1.2, 0.3, 0.3
 FROM_MM, TO_MM, MIDDLE_MM = 8.0, 24.0, 16.0
 BOOT_S = 0.2
-COLOURS = {1: BLUE, 2: VERMILLION}
-
-
-@dataclass(frozen=True, kw_only=True)
-class MapLight:
-    """Signals of a pad under several fingers by a map of its light, as the simulated board needs them.
-
-    Attributes
-    ----------
-    known : map of the light
-    gains : (receiver,) reading of each receiver if it got all of an emitter's power [counts]
-    """
-
-    known: SignalMap
-    gains: FloatArray
-    knows_presses = True
-
-    @cached_property
-    def untouched(self) -> FloatArray:
-        """Signals of the untouched pad, shape (emitters, receivers) [counts]."""
-        return np.asarray(self.known.untouched.reshape(self.known.flux.shape[3:]) * self.gains)
-
-    def together(self, tips: FloatArray) -> FloatArray:
-        """Signals while several tips (tip, 3) press at a time, shape (emitters, receivers) [counts]."""
-        touching = tips[tips[:, 2] > 0.0]
-        ratio = self._root.values(touching).prod(axis=0) ** 2
-        return np.asarray(self.untouched * ratio.reshape(self.untouched.shape))
-
-    @cached_property
-    def _root(self):  # type: ignore[no-untyped-def]
-        return self.known.ratio_root
+RADIUS_MM = 3.0
+COLOURS = {1: (BLUE, "o"), 2: (VERMILLION, "^")}
+"""Colour and mark of each number."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,12 +60,12 @@ class TwoFingers:
     """The paper's pad with a simulated board, and a model that knows two touches."""
 
     config: DriverConfig
-    light: MapLight
+    light: SplineTable
     model: SignalMapModel
 
     def read(self, path: FingerPath) -> list[Touch]:
         """The touches of one round of a path, through port, driver and model."""
-        board = FakeBoard(self.config, self.light, path)  # type: ignore[arg-type]
+        board = FakeBoard(self.config, self.light, path)
         with FakePort(board) as port, Sensor(self.config, port.name, baseline_s=0.0) as sensor:
             found = list(TouchReader(sensor, self.model, touches=2).touches(seconds=float(path.time_s[-1])))
         return [touch for touch in found if touch.frame.device_us < 1e6 * path.time_s[-1]]
@@ -109,7 +82,10 @@ def prepared() -> TwoFingers:
     config = driver_config(design, gain.counts_per_flux, gain.untouched_readings(design))
     return TwoFingers(
         config=replace(config, board=replace(config.board, boot_s=BOOT_S)),
-        light=MapLight(known=truth, gains=np.array(gain.counts_per_flux)),
+        light=SplineTable(
+            untouched=truth.untouched.reshape(truth.flux.shape[3:]) * np.array(gain.counts_per_flux),
+            ratio_root=truth.ratio_root,
+        ),
         model=fit_together(Draft.of(design), model, known),
     )
 
@@ -139,19 +115,18 @@ def tracked(touches: list[Touch]) -> tuple[FloatArray, IntArray, FloatArray]:
 
 
 def plot_places(path: FingerPath, touches: list[Touch], two_point_mm: float, ax: Axes) -> None:
-    """Tracks of both touches over the true strokes, seen from above."""
+    """Tracks of both touches over the true strokes, seen from above, with both tips where they are nearest."""
     _, number, place = tracked(touches)
-    for k, tip in enumerate(np.moveaxis(path.press_mm, 1, 0)):
-        ax.plot(*tip[tip[:, 2] > 0.0, :2].T, color=INK, lw=0.8, label="true strokes" if k == 0 else None)
-    for one in np.unique(number):
+    for tip, y_mm in zip(np.moveaxis(path.press_mm, 1, 0), (-NEAREST_MM / 2, NEAREST_MM / 2), strict=True):
+        (stroke,) = ax.plot(*tip[tip[:, 2] > 0.0, :2].T, color=INK, lw=0.8)
+        ax.add_patch(Circle((MIDDLE_MM, MIDDLE_MM + y_mm), RADIUS_MM, fill=False, color=GREY, lw=0.8))
+    stroke.set_label("true")
+    for one, (colour, mark) in COLOURS.items():
         mine = number == one
-        ax.plot(*place[mine, :2].T, ".", ms=3.5, color=COLOURS.get(int(one), GREY), label=f"touch {one}")
-    low = MIDDLE_MM - two_point_mm / 2
+        ax.plot(*place[mine, :2].T, mark, ms=3.0, color=colour, label=f"touch {one}")
     ax.errorbar(MIDDLE_MM, MIDDLE_MM, two_point_mm / 2, color=GREEN, capsize=4, lw=1.2)
-    ax.text(
-        MIDDLE_MM + 0.4, low + 0.25 * two_point_mm, f"two-point limit\n{two_point_mm:.1f} mm", color=GREEN
-    )
-    ax.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal", ylim=(MIDDLE_MM - 6.0, MIDDLE_MM + 6.0))
+    ax.text(MIDDLE_MM + 3.2, MIDDLE_MM, f"two-point limit {two_point_mm:.1f} mm", color=GREEN, va="center")
+    ax.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal", xlim=(6.0, 26.0), ylim=(9.0, 23.0))
     ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncol=3)
 
 
@@ -160,23 +135,23 @@ def plot_distance(path: FingerPath, touches: list[Touch], two_point_mm: float, a
     time_s = np.array([touch.frame.device_us / 1e6 for touch in touches])
     tips = path.at(time_s)
     both = (tips[..., 2] > 0.0).all(axis=1)
-    ax.plot(time_s[both], np.linalg.norm(tips[both, 0, :2] - tips[both, 1, :2], axis=1), color=INK, lw=0.8)
-    two = [(t, touch) for t, touch in zip(time_s, touches, strict=True) if len(touch.contacts) == 2]
-    apart = [
-        np.linalg.norm(np.diff([one.press_mm[:2] for one in touch.contacts], axis=0)) for _, touch in two
+    true_mm = np.linalg.norm(tips[:, 0, :2] - tips[:, 1, :2], axis=1)
+    ax.plot(time_s[both], true_mm[both], color=INK, lw=0.8, label="true")
+    found = [
+        (t, float(np.linalg.norm(touch.contacts[0].press_mm[:2] - touch.contacts[1].press_mm[:2])))
+        for t, touch in zip(time_s, touches, strict=True)
+        if len(touch.contacts) == 2
     ]
-    ax.plot([t for t, _ in two], apart, ".", ms=3.0, color=BLUE)
-    for t, touch in zip(time_s, touches, strict=True):
-        if len(touch.contacts) == 1:
-            ax.axvline(t, color=PALE_ORANGE, lw=1.5, zorder=-1)
-    ax.axhline(two_point_mm, color=GREEN, lw=1.2)
+    ax.plot(*np.array(found).T, ".", ms=3.0, color=BLUE, label="found")
+    ax.axhline(two_point_mm, color=GREEN, lw=1.2, ls="--", label="two-point limit")
     ax.set(xlabel="time [s]", ylabel="distance of both [mm]", ylim=(0.0, None))
+    ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncol=3)
 
 
 def figure(path: FingerPath, touches: list[Touch], two_point_mm: float) -> Figure:
     """Both plots."""
-    made = Figure(figsize=(5.2, 5.4), layout="constrained")
-    upper, lower = made.subplots(2, 1, height_ratios=(1.5, 1.0))
+    made = Figure(figsize=(WIDTH_IN, 6.2), layout="constrained")
+    upper, lower = made.subplots(2, 1, height_ratios=(1.9, 1.0))
     plot_places(path, touches, two_point_mm, upper)
     plot_distance(path, touches, two_point_mm, lower)
     return made
