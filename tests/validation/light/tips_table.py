@@ -47,7 +47,7 @@ STATES: dict[str, tuple[tuple[Tip, Tip], ...]] = {
 ACCURACY = "standard"
 RAYS = 100_000
 """Rays of each emitter in a batch."""
-BATCHES = {"piacenza2017-pad": 4, "levi2013-disc": 2, "crowned-40x25": 2, "gripper-stadium": 4}
+BATCHES = {"piacenza2017-pad": 4, "levi2013-disc": 3, "crowned-40x25": 4, "gripper-stadium": 4}
 
 
 def rows(name: str) -> Iterator[list[str]]:
