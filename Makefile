@@ -80,10 +80,13 @@ validate: setup ## the figures of docs/validation, made anew (hours; interrupted
 	$(BIN)/python -m tests.validation.contact.pad_table
 	$(BIN)/python -m tests.validation.held.truth
 	$(BIN)/python -m tests.validation.held.object_table
+	$(BIN)/python -m tests.validation.held.tips_truth
+	$(BIN)/python -m tests.validation.held.tips_table
 	$(BIN)/python -m tests.validation.light.light_reference_build
 	$(BIN)/python -m tests.validation.light.light_table
 	$(BIN)/python -m tests.validation.light.light_pad
 	$(BIN)/python -m tests.validation.light.shapes_table
+	$(BIN)/python -m tests.validation.light.tips_table
 	$(BIN)/python -m tests.validation.light.light_oracle
 	$(BIN)/python -m tests.validation.light.crossing_light
 	$(BIN)/python -m tests.validation.light.light_walk

@@ -382,7 +382,7 @@ def held_light(draft: Draft, presses: Sequence[HeldPress], **settings: Any) -> H
 
 def light_of_tops(
     draft: Draft,
-    formed: Sequence[GridTop],
+    formed: Sequence[GridTop | None],
     *,
     reflectance: float | None = None,
     accuracy: str | Accuracy = "score",
@@ -394,6 +394,7 @@ def light_of_tops(
 
     Parameters
     ----------
+    formed : tops; None is an untouched one
     reflectance : diffuse reflectance of what touches [-]; None is the design's `surfaces.tip_reflectance`
     accuracy, seed : settings of the light model
     pairs : (emitter, receiver) mask of the pairs to trace; others keep their untouched light

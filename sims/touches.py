@@ -2,10 +2,10 @@
 
     ratio(A, B) = ratio(A) ratio(B) + g(A, B) - g(A) g(B),      pair by pair, light over untouched light
 
-The ratios of single touches are those of the signal map, whose light is that of the verdict. g is the light of the
-method for grids, on the tops of both tips together and of each alone (`optopad.sims.contact.held.tips`), with the same
-random offsets and, on flat pads, on one grid, so that most of its errors cancel. What g adds to the product is how much
-light both touches change together: rays that meet both, and the motion of the top under one tip by the other.
+The ratios of single touches are those of a signal map, or traced one by one. g is the light of the method for grids,
+on the tops of both tips together and of each alone (`optopad.sims.contact.held.tips`), with the same random offsets
+and, on flat pads, on one grid, so that most of its errors cancel. What g adds to the product is how much light both
+touches change together: rays that meet both, and the motion of the top under one tip by the other.
 """
 
 from __future__ import annotations
@@ -16,56 +16,10 @@ import numpy as np
 
 from optopad.design.arrays import FloatArray
 from optopad.design.draft import Draft
-from optopad.design.errors import InputError
 from optopad.sims.contact.held.tips import MOST_TIPS
-from optopad.sims.learning.traced_map import SignalMap
 from optopad.sims.optics.accuracy import Accuracy
 from optopad.sims.optics.tracing import trace
 from optopad.sims.verdict.presses import untouched_flux
-
-
-def touch_ratios(
-    draft: Draft,
-    known: SignalMap,
-    presses_mm: FloatArray,
-    *,
-    seed: int = 0,
-    accuracy: str | Accuracy = "score",
-    on_step: Callable[[int, int], None] | None = None,
-) -> FloatArray:
-    """Light over untouched light (n, pair) under one or two touches [-].
-
-    Parameters
-    ----------
-    known : map of the light of single touches
-    presses_mm : (n, 2, 3) x, y, depth of both touches [mm]; one with a depth of 0 or less, or NaN, is absent
-    seed, accuracy : settings of the light model
-    on_step : called with (states done, states)
-
-    Raises
-    ------
-    InputError : the shape is wrong.
-    ModelScopeError : tips overlap or are no hemispheres, or the contact model does not cover a press.
-    """
-    presses = np.asarray(presses_mm, dtype=np.float64)
-    if presses.ndim != 3 or presses.shape[1:] != (MOST_TIPS, 3):
-        raise InputError(f"presses_mm: shape {presses.shape}, needs (n, {MOST_TIPS}, 3) of x, y, depth")
-    is_touching = presses[:, :, 2] > 0.0
-    single = known.ratio_root.values(np.where(is_touching[..., None], presses, 0.0).reshape(-1, 3)) ** 2
-    single = np.where(is_touching[..., None], single.reshape(*is_touching.shape, -1), 1.0)
-    found = single.prod(axis=1)
-    both = np.flatnonzero(is_touching.all(axis=1))
-    if len(both):
-        (more,) = changes_together(
-            draft,
-            presses[both],
-            untouched=known.untouched,
-            seeds=(seed,),
-            accuracy=accuracy,
-            on_step=on_step,
-        )
-        found[both] += more
-    return np.asarray(np.maximum(found, 0.0))
 
 
 def changes_together(
@@ -85,7 +39,11 @@ def changes_together(
 
     Returns
     -------
-    (seed, n, pair), from one trace for each seed. Errors are those of `touch_ratios`.
+    (seed, n, pair), from one trace for each seed
+
+    Raises
+    ------
+    ModelScopeError : tips overlap or are no hemispheres, or the contact model does not cover a press.
     """
     single, number = np.unique(presses_mm.reshape(-1, 3), axis=0, return_inverse=True)
     alone = np.pad(single[:, None], ((0, 0), (0, MOST_TIPS - 1), (0, 0)))

@@ -28,10 +28,12 @@ from optopad.design.draft import Draft
 from optopad.design.errors import InputError
 from optopad.design.progress import OnStep
 from optopad.design.recordings import signals_of
-from optopad.sims.contact.held.tips import MOST_TIPS, deepest_mm, require_hemisphere
+from optopad.sims import touches_score
+from optopad.sims.contact.held.tips import MOST_TIPS, deepest_mm
 from optopad.sims.contact.scope import contact_of
 from optopad.sims.learning.inference.touch_model import TouchModel
 from optopad.sims.learning.inference.two_touches import Touches, found_touches
+from optopad.sims.learning.together_fit import matched_to
 from optopad.sims.optics.tracing import trace
 from optopad.sims.readings.press_data import PressData
 from optopad.sims.readings.protocol import ProtocolCurves
@@ -58,12 +60,12 @@ def require_touches(touches: int, draft: Draft | None = None) -> None:
     Raises
     ------
     InputError : it is not 1 or 2.
-    ModelScopeError : two touches are asked for on a design whose tip is no hemisphere.
+    ModelScopeError : two touches are asked for on a design for which they are not modelled.
     """
     if touches not in (1, MOST_TIPS):
         raise InputError(f"touches: {touches} is refused; the models know one or two")
     if touches == MOST_TIPS and draft is not None:
-        require_hemisphere(draft)
+        touches_score.require_touches(draft)
 
 
 def knows_two(model: TouchModel) -> bool:
@@ -153,13 +155,13 @@ def two_touch_errors(
     found : what the model reports of n frames
     touches_mm : (n, 2, 3) x, y, depth of the true touches [mm]; one with a depth of 0 or less, or NaN, is absent
     """
-    depth_mm = touches_mm[..., 2]
-    is_touch = depth_mm > 0.0
-    is_judged = (~is_touch | (depth_mm >= LEAST_MM)).all(axis=1)
+    is_touch = touches_mm[..., 2] > 0.0
+    is_judged = (~is_touch | (touches_mm[..., 2] >= LEAST_MM)).all(axis=1)
     single, pair = (np.flatnonzero(is_judged & (is_touch.sum(axis=1) == count)) for count in (1, 2))
     rows = []
     apart_mm = np.hypot(*(touches_mm[pair, 0] - touches_mm[pair, 1])[:, :2].T)
-    location_mm, off_mm = _matched_errors(found.press_mm[pair], touches_mm[pair])
+    off = found.press_mm[pair] - matched_to(touches_mm[pair], found.press_mm[pair])
+    location_mm, depth_mm = np.hypot(off[..., 0], off[..., 1]), np.abs(off[..., 2])
     is_found = found.count[pair] == MOST_TIPS
     for low, high in pairwise(ROWS_RADII):
         # tips of unequal depth may be a little nearer in the plane than two radii
@@ -173,7 +175,7 @@ def two_touch_errors(
                     frames=int(within.sum()),
                     found=float(is_found[within].mean()),
                     location_mm=_spread(location_mm[within & is_found]),
-                    depth_mm=_spread(off_mm[within & is_found]),
+                    depth_mm=_spread(depth_mm[within & is_found]),
                 )
             )
     counts = found.count[single]
@@ -185,17 +187,6 @@ def two_touch_errors(
         single_frames=len(single),
         called=(none, one, two) if len(single) else None,
     )
-
-
-def _matched_errors(said_mm: FloatArray, touches_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Errors (n, 2) of location and depth of both touches [mm], in the assignment of the smaller sum of distances."""
-    ways = []
-    for order in ([0, 1], [1, 0]):
-        off = said_mm[:, order] - touches_mm
-        ways.append((np.hypot(off[..., 0], off[..., 1]), np.abs(off[..., 2])))
-    (location, depth), (other_location, other_depth) = ways
-    is_other = (other_location.sum(axis=1) < location.sum(axis=1))[:, None]
-    return np.where(is_other, other_location, location), np.where(is_other, other_depth, depth)
 
 
 def _spread(errors_mm: FloatArray) -> tuple[float, float] | None:
@@ -228,30 +219,47 @@ def errors_on_data(learner: str, model: TouchModel, data: PressData, draft: Draf
 
 
 def predicted_errors(
-    learner: str, model: TouchModel, curves: ProtocolCurves, *, quick: bool, seed: int, on_step: OnStep
+    learner: str,
+    model: TouchModel,
+    curves: ProtocolCurves,
+    *,
+    quick: bool,
+    seed: int,
+    on_step: OnStep,
 ) -> TwoTouchErrors:
     """Errors of a model of two touches on simulated frames of random single touches and pairs.
+
+    Parameters
+    ----------
+    curves : light of the protocol, whose test sets have the noise and drift
 
     Raises
     ------
     ModelScopeError : the contact or light model does not cover two touches on the design.
     """
-    draft, seed = Draft.of(curves.design), seed + SEED
-    rng = np.random.default_rng(seed)
+    draft, rng = Draft.of(curves.design), np.random.default_rng(seed + SEED)
     touches_mm = drawn_touches(draft, *(QUICK_STATES if quick else STATES), rng)
-    ratios = _ratios(draft, touches_mm, seed, on_step)
+    signals = frames_of(touches_mm, curves, rng, seed=seed + SEED, on_step=on_step)
+    found = found_touches(model, np.concatenate(signals))
+    on_step("evaluation of two touches", 1.0)
+    radius_mm = draft.design.indenter.tip_radius_mm
+    return two_touch_errors(learner, found, np.tile(touches_mm, (len(signals), 1, 1)), radius_mm)
+
+
+def frames_of(
+    touches_mm: FloatArray, curves: ProtocolCurves, rng: np.random.Generator, *, seed: int, on_step: OnStep
+) -> list[FloatArray]:
+    """Simulated frames (n, pair) of touches (n, 2, 3), once for each test set and draw of its drift [counts]."""
     chain, untouched = chain_of(curves.design, curves.readout), curves.curves.untouched
+    ratios = _ratios(Draft.of(curves.design), touches_mm, seed, on_step)
     flux = ratios.reshape(-1, *untouched.shape) * untouched
-    signals, sets = [], [one for one in curves.protocol.sets if one.role == "test"]
+    signals, sets = list[FloatArray](), [one for one in curves.protocol.sets if one.role == "test"]
     for one in sets * DRAWS:
         drawn = chain.draw_set(rng, is_ambient=one.is_ambient)
         counts = chain.counts(flux, rng.uniform(0.0, 1.0, len(flux)), rng, drawn=drawn)
         signals.append(signals_of(counts).reshape(len(flux), -1).astype(np.float64))
-        on_step("two touches", 0.5 + 0.1 * len(signals) / (DRAWS * len(sets)))
-    found = found_touches(model, np.concatenate(signals))
-    on_step("two touches", 1.0)
-    radius_mm = draft.design.indenter.tip_radius_mm
-    return two_touch_errors(learner, found, np.tile(touches_mm, (len(signals), 1, 1)), radius_mm)
+        on_step("evaluation of two touches", 0.5 + 0.1 * len(signals) / (DRAWS * len(sets)))
+    return signals
 
 
 def drawn_touches(draft: Draft, singles: int, pairs: int, rng: np.random.Generator) -> FloatArray:
@@ -280,7 +288,7 @@ def _ratios(draft: Draft, touches_mm: FloatArray, seed: int, on_step: OnStep) ->
         np.concatenate([[[*draft.plan.centre_mm, 0.0]], presses]),
         accuracy="draft",
         seed=seed,
-        on_step=lambda done, total: on_step("two touches", 0.2 * done / total),
+        on_step=lambda done, total: on_step("evaluation of two touches", 0.2 * done / total),
     )
     flux = light.flux.reshape(len(light.flux), -1)
     ratio = np.where(flux[0] > 0.0, flux[1:] / np.where(flux[0] > 0.0, flux[0], 1.0), 1.0)
@@ -293,7 +301,7 @@ def _ratios(draft: Draft, touches_mm: FloatArray, seed: int, on_step: OnStep) ->
             draft,
             touches_mm[both],
             seeds=(seed,),
-            on_step=lambda done, total: on_step("two touches", 0.2 + 0.3 * done / total),
+            on_step=lambda done, total: on_step("evaluation of two touches", 0.2 + 0.3 * done / total),
         )
         ratios[both] += more
     return np.asarray(np.maximum(ratios, 0.0))

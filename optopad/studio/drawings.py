@@ -258,11 +258,12 @@ def map_svg(cavity: CavityGeometry, shown: Quantity | None, press: LivePress, ba
     body += [*cells, f'</g><polygon points="{corners}" fill="none" stroke="currentColor"/>']
     body += [_part(part, x, y, is_bad=part.name in bad) for part in cavity.parts]
     radius = scale * cavity.tip_radius_mm
-    body.append(
-        f'<circle cx="{x(press.x_mm):.1f}" cy="{y(press.y_mm):.1f}" r="{radius:.1f}" fill="none" '
-        f'stroke="currentColor" stroke-width="1.6" stroke-dasharray="4 2"><title>the tip: x {press.x_mm:g}, '
-        f"y {press.y_mm:g} mm</title></circle>"
-    )
+    names = ("the tip",) if press.second_mm is None else ("the first tip", "the second tip")
+    for name, (at_x, at_y, _) in zip(names, press.tips_mm, strict=True):
+        body.append(
+            f'<circle cx="{x(at_x):.1f}" cy="{y(at_y):.1f}" r="{radius:.1f}" fill="none" stroke="currentColor" '
+            f'stroke-width="1.6" stroke-dasharray="4 2"><title>{name}: x {at_x:g}, y {at_y:g} mm</title></circle>'
+        )
     title = "" if shown is None else f"{shown.title} [{shown.unit}]"
     body.append(
         f'<text x="{WIDTH / 2}" y="{2 * edge + high + 8:.1f}" text-anchor="middle">{escape(title)}</text>'

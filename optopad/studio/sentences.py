@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 
@@ -57,15 +58,17 @@ def curves_title(
 
 
 def held_html(look: Look, changes: FloatArray, cavity: CavityGeometry) -> str:
-    """Title of the readings under an object: object, location, load and changed pairs.
+    """Title of the readings under an object or two tips: location, load and changed pairs.
 
     `changes` are those of the readings, (emitter, receiver) [noise units].
     """
-    assert look.press.held is not None
+    held, tips = look.press.held, look.press.tips_mm
     most = np.unravel_index(int(np.abs(changes).argmax()), changes.shape)
     return _html(
         "held",
-        words=look.press.held.words,
+        words="" if held is None else held.words,
+        tips=list(zip(tips, look.tips_n, strict=False)),
+        apart_mm=math.dist(*(tip[:2] for tip in tips)) if len(tips) > 1 else 0.0,
         press=look.press,
         look=look,
         changed=int((np.abs(changes) > DEADBAND_THRESHOLD).sum()),

@@ -32,6 +32,12 @@ MERGE_S = 1.5
 MOST_VERSIONS = 500
 MOST_SIDEWAYS_MM = 1.0
 """Longest sideways motion of an object along x and along y [mm]."""
+FIRST_MM = 1.0
+"""Depth with which objects and two tips start at most [mm]; the contact model covers it on most pads, also at edges."""
+FIRST_APART = 3.0
+"""Distance at which a second tip starts if there is room [tip radii]."""
+Tip = tuple[float, float, float]
+"""Location (x, y) and depth of a tip in the coordinate system of the cavity [mm]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,7 +66,7 @@ class LivePress:
     """Location (x, y) in the coordinate system of the cavity, depth [mm], and the object that presses.
 
     The object is None for the design's own tip; its location and depth are those of the press. `sideways_mm` is how far
-    the object then moves along the cavity's x and y.
+    the object then moves along the cavity's x and y. `second_mm` is a second tip of the design's radius.
     """
 
     x_mm: float
@@ -68,6 +74,18 @@ class LivePress:
     depth_mm: float
     held: HeldObject | None = None
     sideways_mm: tuple[float, float] = (0.0, 0.0)
+    second_mm: Tip | None = None
+
+    @property
+    def is_single_tip(self) -> bool:
+        """Whether the design's own tip presses alone."""
+        return self.held is None and self.second_mm is None
+
+    @property
+    def tips_mm(self) -> tuple[Tip, ...]:
+        """The tips that press, one or two."""
+        first = (self.x_mm, self.y_mm, self.depth_mm)
+        return (first,) if self.second_mm is None else (first, self.second_mm)
 
     @property
     def place_mm(self) -> tuple[float, float]:
@@ -215,6 +233,35 @@ class Session:
             if self.press != now:
                 self._tell()
 
+    def add_second(self, is_on: bool) -> None:
+        """Press by a second tip at the same time, or no longer; it takes the place of an object."""
+        with self._lock:
+            if not is_on:
+                self.press = replace(self.press, second_mm=None)
+                self._say("pressed by one tip")
+                return
+            depth = min(self.press.depth_mm, FIRST_MM)
+            press = replace(self.press, held=None, sideways_mm=(0.0, 0.0), depth_mm=depth)
+            away = FIRST_APART * self.design.indenter.tip_radius_mm
+            found = [
+                self._within(replace(press, second_mm=(press.x_mm + x * away, press.y_mm + y * away, depth)))
+                for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1))
+            ]
+            self.press = max(found, key=lambda one: math.dist(*(tip[:2] for tip in one.tips_mm)))
+            self._say("pressed by two tips")
+
+    def move_second(
+        self, *, x_mm: float | None = None, y_mm: float | None = None, depth_mm: float | None = None
+    ) -> None:
+        """Move the second tip, if there is one, as `move_tip` moves the first."""
+        with self._lock:
+            now = self.press
+            if now.second_mm is not None:
+                x, y, depth = map(_hundredth, (x_mm, y_mm, depth_mm), now.second_mm)
+                self.press = self._within(replace(now, second_mm=(x, y, depth)))
+            if self.press != now:
+                self._tell()
+
     def hold(self, text: str) -> bool:
         """Press by the object of a text, as `--object` takes it, or by the design's own tip if the text is empty.
 
@@ -232,7 +279,9 @@ class Session:
                 self._say("pressed by the design's own tip")
                 return True
             self.press = replace(
-                self.press, held=held.model_copy(update={"x": None, "y": None, "depth": None})
+                self.press,
+                held=held.model_copy(update={"x": None, "y": None, "depth": None}),
+                second_mm=None,
             )
             self.move_tip(x_mm=held.x, y_mm=held.y, depth_mm=held.depth)
             self._say("; ".join([f"pressed by {held.words}", *held.notes]))
@@ -356,9 +405,12 @@ class Session:
         size, space = self.design.cavity, workspace_of(self.design)
         if space.is_empty:
             space = space.in_box((0.0, 0.0, size.length_mm, size.width_mm))
-        x_mm, y_mm = space.clamped(*wanted.place_mm)
         deepest = self.design.operating.max_depth_mm
-        return replace(wanted, x_mm=x_mm, y_mm=y_mm, depth_mm=min(max(wanted.depth_mm, 0.0), deepest))
+        (x_mm, y_mm, depth_mm), *more = (
+            (*space.clamped(x, y), min(max(depth, 0.0), deepest)) for x, y, depth in wanted.tips_mm
+        )
+        second = more[0] if more else None
+        return replace(wanted, x_mm=x_mm, y_mm=y_mm, depth_mm=depth_mm, second_mm=second)
 
     def _say(self, text: str, *, is_bad: bool = False) -> None:
         self.said = Said(text=text, is_bad=is_bad)

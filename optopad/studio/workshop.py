@@ -3,14 +3,14 @@
     pairs under the tip ──► pressed top ──► rays ──► draft map ──► draft bounds ──► score ──► tolerance, sensitivity
                                                                                         ──► the same pairs, finely
 
-An object that presses in place of the tip has a pressed top and the readings of all pairs; verdict, map and score are
-always those of the tip.
+An object that presses in place of the tip, and two tips at once, have a pressed top and the readings of all pairs;
+verdict, map and score are always those of one tip.
 
 A request is a design, a press, and options. A new design stops the running work. Only the computation of the pressed
-top, of the pairs under the tip, or of the readings under an object is finished, since it takes only a moment and keeps
-dragging smooth. A new press does not stop a running score: its results are computed between two portions of the score's
-light (`optopad.sims.optics.engine.threads.between_pieces`). Traced light is stored on disk, so stopped work is not
-lost.
+top, of the pairs under the tip, or of the readings under an object or two tips is finished, since it takes only a
+moment and keeps dragging smooth. A new press does not stop a running score: its results are computed between two
+portions of the score's light (`optopad.sims.optics.engine.threads.between_pieces`). Traced light is stored on disk, so
+stopped work is not lost.
 Each kind of result has a class, and each result the digest of its design.
 """
 
@@ -22,7 +22,7 @@ import time
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -33,7 +33,8 @@ from optopad.design.shape.cavity import cavity_of, pair_name
 from optopad.design.spec import SensorDesign
 from optopad.screen.figures import PadFigures, figures_of
 from optopad.sims.contact.held.press import HeldPress
-from optopad.sims.held import AskedPress, held_light, pressed, require_asked
+from optopad.sims.contact.held.tips import TipsPress, pressed_tips, require_apart
+from optopad.sims.held import AskedPress, light_of_tops, pressed, require_asked, require_traced
 from optopad.sims.score.objective import PlaceCurves
 from optopad.sims.score.result import ContinuityScore
 from optopad.studio.session import LivePress
@@ -50,9 +51,10 @@ class Look:
     press : location and depth of the press
     points_mm : (n, 3) points of the top's mesh in the coordinate system of the cavity [mm]
     triangles : (m, 3) indices of points
-    force_n, area_mm2 : load [N] and area of the contact [mm²]; 0 without contact
+    force_n, area_mm2 : load [N] and area of the contact [mm²]; 0 without contact, the area also under two tips
     pull_n : sideways force of an object on the pad [N]
     slip_share : share of the contact's area that slips [-]
+    tips_n : force on each of two tips, and what it would be without the other [N]
     """
 
     digest: str
@@ -63,6 +65,7 @@ class Look:
     area_mm2: float
     pull_n: float = 0.0
     slip_share: float = 0.0
+    tips_n: tuple[tuple[float, float], ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -203,7 +206,7 @@ class Workshop:
         self._is_nested = False
         self._draft: LiveVerdict | None = None
         self._untouched: tuple[str, FloatArray] | None = None
-        self._held: tuple[tuple[str, LivePress], HeldPress] | None = None
+        self._held: tuple[tuple[str, LivePress], HeldPress | TipsPress | None] | None = None
         self._responded = ""
         self._told_at = 0.0
         self._jobs = 0
@@ -316,7 +319,7 @@ class Workshop:
         """Pieces of work for a request, in order, as (name, key, function); a result with an old key is outdated."""
         press = request.press
         pieces: list[tuple[str, tuple[object, ...], Callable[[Request], Result | None]]]
-        if press.held is not None:
+        if not press.is_single_tip:
             pieces = [
                 ("look", ("look", press), self._held_look),
                 ("changes", ("changes", press), self._held_readings),
@@ -333,7 +336,7 @@ class Workshop:
         pieces += [("map", ("draft",), self._draft_map), ("bounds", ("bounds",), self._draft_bounds)]
         if request.is_thorough:
             pieces.append(("score", ("score",), self._score))
-            if press.held is None:
+            if press.is_single_tip:
                 pieces.append(("fine curves", ("fine curves", press.place_mm), self._fine_curves))
         return pieces
 
@@ -396,40 +399,67 @@ class Workshop:
         )
 
     def _held_look(self, request: Request) -> Look:
-        from optopad.studio.pad_mesh import held_top
+        from optopad.studio.pad_mesh import held_top, untouched_top
 
         if request.design.digest != self._responded:
             self._doing("response of the pad to objects", 0.0)
             self._responded = request.design.digest
         found = self._held_press(request)
+        digest, press = request.design.digest, request.press
+        if found is None:
+            points, triangles = untouched_top(cavity_of(request.design).plan)
+            more: dict[str, Any] = {"force_n": 0.0, "area_mm2": 0.0, "tips_n": ((0.0, 0.0), (0.0, 0.0))}
+            return Look(digest=digest, press=press, points_mm=points, triangles=triangles, **more)
         points, triangles = held_top(request.design, found.top)
-        return Look(
-            digest=request.design.digest,
-            press=request.press,
-            points_mm=points,
-            triangles=triangles,
-            force_n=found.force_n,
-            area_mm2=found.area_mm2,
-            pull_n=math.hypot(*found.pull_n),
-            slip_share=found.slip_share,
-        )
+        if isinstance(found, HeldPress):
+            more = {
+                "force_n": found.force_n,
+                "area_mm2": found.area_mm2,
+                "pull_n": math.hypot(*found.pull_n),
+                "slip_share": found.slip_share,
+            }
+        else:
+            both = zip(found.force_n.tolist(), found.alone_n.tolist(), strict=True)
+            is_touching = [depth > 0.0 for *_, depth in press.tips_mm]
+            more = {
+                "force_n": float(found.force_n.sum()),
+                "area_mm2": 0.0,
+                "tips_n": tuple(next(both) if one else (0.0, 0.0) for one in is_touching),
+            }
+        return Look(digest=digest, press=press, points_mm=points, triangles=triangles, **more)
 
-    def _held_press(self, request: Request) -> HeldPress:
-        """The contact of the object that presses, solved once."""
+    def _held_press(self, request: Request) -> HeldPress | TipsPress | None:
+        """The contact of the object or of the two tips that press, solved once; None if no tip touches."""
         key = (request.design.digest, request.press)
         if self._held is None or self._held[0] != key:
-            draft, asked = Draft.of(request.design), asked_press(request.press)
-            require_asked(draft, asked)
-            self._held = key, pressed(draft, asked)
+            draft = Draft.of(request.design)
+            if request.press.held is not None:
+                asked = asked_press(request.press)
+                require_asked(draft, asked)
+                self._held = key, pressed(draft, asked)
+            else:
+                self._held = key, self._pressed_tips(draft, np.array(request.press.tips_mm))
         return self._held[1]
 
+    def _pressed_tips(self, draft: Draft, tips_mm: FloatArray) -> TipsPress | None:
+        from optopad.sims.contact.indentation import round_press
+        from optopad.sims.contact.scope import contact_of
+
+        require_traced(draft)
+        require_apart(draft, tips_mm)
+        if not (tips_mm[:, 2] > 0.0).any():
+            return None
+        contact = contact_of(draft.design)
+        round_press(contact, on_step=self._contact_step)  # only if it is solved live
+        return pressed_tips(contact, tips_mm)
+
     def _held_readings(self, request: Request) -> Readings:
-        """Expected readings under the object that presses, from each pair's change of light."""
-        design, press = request.design, request.press
-        light = held_light(
+        """Expected readings under the object or the tips that press, from each pair's change of light."""
+        design, press, found = request.design, request.press, self._held_press(request)
+        light = light_of_tops(
             Draft.of(design),
-            [self._held_press(request)],
-            reflectance=asked_press(press).reflectance,
+            [None if found is None else found.top],
+            reflectance=None if press.held is None else asked_press(press).reflectance,
             accuracy="draft",
             seed=self._seed,
         )

@@ -22,13 +22,13 @@ from optopad.screen.output import Told, foretell_score
 from optopad.screen.score import Score
 from optopad.screen.shear import shear_lines
 from optopad.screen.touches import touch_lines
-from optopad.sims.contact.held.tips import MOST_TIPS
 from optopad.sims.held_score import OBJECTS, require_objects, score_objects
 from optopad.sims.score import scoring
 from optopad.sims.score.build_tolerance import DEFAULT_BUILDS
 from optopad.sims.score.result import ContinuityScore
 from optopad.sims.shear_score import SHEAR, require_shear, score_shear
 from optopad.sims.touches_score import TOUCHES, require_touches, score_touches
+from optopad.sims.two_touch_errors import require_touches as require_one_or_two
 from optopad.sims.verdict.builds import FEWEST_BUILDS, MOST_BUILDS
 from optopad.work import OUT, FinishedWork, beside
 
@@ -114,8 +114,7 @@ def score_command(
     touches : 2: also report how near two touches may be before they look like one.
     """
     drawn = _drawn_builds(tolerance, builds)
-    if touches not in (1, MOST_TIPS):
-        raise InputError(f"touches: {touches} is refused; the models know one or two")
+    require_one_or_two(touches)
     pad = Pad.of(design)
     foretell_score(pad, fine=fine, full=full, quiet=as_json)
     more = [one for one, is_asked in zip(MORE, (objects, shear, touches > 1), strict=True) if is_asked]

@@ -36,6 +36,7 @@ from optopad.sims.learning.inference.signal_map import KIND, Box, ReadingNoise, 
 from optopad.sims.learning.inference.touch_model import UNIT_SIGMA, SigmaTable
 from optopad.sims.learning.learners import DEFAULT, FitSettings, Learner
 from optopad.sims.learning.samples import CLEARLY_UNTOUCHED_MM, SIGMA_OF_TIP
+from optopad.sims.learning.together_fit import fit_together
 from optopad.sims.learning.touch_fit import sigma_table
 from optopad.sims.learning.traced_map import (
     DEPTH_NODES,
@@ -227,8 +228,6 @@ def signal_map_learner(
         model = fit_signal_map(design, traced[0], header, train, seed=seed, on_step=on_step)
         if touches == 1:
             return model
-        from optopad.sims.learning.together_fit import fit_together
-
         # of the map's seed, so that the light of pairs of touches is traced once for all fits
         return fit_together(Draft.of(design), model, traced[0], seed=map_seed, on_step=on_step)
 

@@ -1,6 +1,6 @@
 """Fit a signal map to two touches: the error of map and product, and when a frame has two.
 
-Random pairs of presses are traced (`optopad.sims.touches.touch_ratios`), and single ones with another seed than the
+Random pairs of presses are traced (`optopad.sims.touches.changes_together`), and single ones with another seed than the
 map's, so that the map's own error is in them. The three numbers of the error (`inference.together`) are least squares
 of the squared differences. The threshold of the second touch is that which `FALSE_SECONDS` of noisy frames of the
 single presses exceed, and the factors of the deviations come from noisy frames of the pairs.

@@ -88,7 +88,8 @@ def trace(
 
     Raises
     ------
-    InputError : presses have a wrong shape or are outside the block, or a profile is invalid or given for several tips.
+    InputError : presses have a wrong shape or are outside the block, more than two tips press at once, or a profile is
+        invalid or given for several tips.
     ModelScopeError : tips overlap, or the contact or surface model does not cover a press.
     """
     tips, scene = _tips(presses), scene_of(draft.design)

@@ -8,6 +8,7 @@ import pytest
 from scipy.optimize import brentq
 
 from optopad.sims.optics.scene.optical_scene import smooth_field
+from optopad.sims.press import GridTop
 from tests.oracle.called_oracle_kernels import (
     is_in_elastomer,
     top_entry,
@@ -29,6 +30,7 @@ from tests.oracle.oracle_scenes import (
     dimple_height_mm,
     dimple_shape_mm,
     flat_top,
+    ring_scene,
     wrapped_press,
 )
 from tests.oracle.surface import CONTACT, FREE, INSIDE, NOTHING, OUTSIDE
@@ -230,6 +232,33 @@ def test_no_ray_slips_through(surface):
             assert t < 1e-4 or is_in_elastomer(surface, *(start + (t - 1e-6) * direction))
             if float(direction @ normal) > 0.1:
                 assert not is_in_elastomer(surface, *(start + (t + 1e-6) * direction))
+
+
+def test_a_top_that_is_given_as_a_grid_is_met_where_its_heights_are():
+    at, step = np.array([15.0, 9.0]), 0.1
+    x, y = (np.arange(0.0, LENGTH_MM + step, step) - along for along in at)
+    places = np.stack(np.meshgrid(x + at[0], y + at[1], indexing="ij"))
+    level = np.max(
+        [press.contact_radius_mm - np.hypot(*(places - c[:, None, None])) for c, press in TIPS], axis=0
+    )
+    top = GridTop(at_mm=(15.0, 9.0), x_mm=x, y_mm=y, height_mm=top_mm(*places) - TOP_MM, level=level)
+    (surface,) = lower_presses(ring_scene(), [at], [top])
+    starts, directions = rays(600, 2, 4.0, 7.5)
+    met, touched, wrong = 0, 0, 0
+    for start, direction in zip(starts, directions, strict=True):
+        truth = top_crossing(start, direction, INSIDE, REACH_MM)
+        if not is_in_elastomer(surface, *start) or truth > REACH_MM:
+            continue
+        t, what, *normal = top_hit(surface, INSIDE, *start, *direction, REACH_MM)
+        x_mm, y_mm, _ = start + truth * direction
+        edge = max(press.contact_radius_mm - math.hypot(x_mm - c[0], y_mm - c[1]) for c, press in TIPS)
+        met, touched = met + 1, touched + (what == CONTACT)
+        # the spline is off by a few 0.1 µm where the curvature jumps, at the edges of the contacts
+        wrong += abs(t - truth) > 5e-4 / max(float(direction @ normal), 1e-3)
+        wrong += abs(edge) > step and what != (CONTACT if edge > 0.0 else FREE)
+    assert met > 80
+    assert touched > 20
+    assert wrong <= 1
 
 
 CROWN_MM, CLEAR_MM = 30.0, 8.0

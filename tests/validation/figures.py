@@ -29,6 +29,7 @@ PARTS = (
     figures_of_models.walls,
     figures_of_models.objects,
     figures_of_models.sideways,
+    figures_of_models.touches,
     figures_of_models.light,
     figures_of_models.renderer,
     figures_of_uses.paper,

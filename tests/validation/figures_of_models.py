@@ -167,6 +167,28 @@ def sideways() -> Iterator[Figure]:
     yield made(page, "shear.stated", max(column(rows, "stated: rms %")), ".2f")
 
 
+def touches() -> Iterator[Figure]:
+    """Two tips at once, against finite strains and the ray tracer."""
+    page, other = "docs/validation/touches.md", "by the other: solved, model %"
+    rows = table(page, "apart mm", other)
+    yield made(page, "touches.force", max(map(abs, column(rows, "force %"))), ".1f")
+    for name, deepest in (("touches.top.shallow", 2.0), ("touches.top", 3.0)):
+        kept = [row for row in rows if number(row["depth mm"]) <= deepest]
+        yield made(page, name, max(column(kept, "% of the depth")), ".1f")
+    shares = [tuple(map(float, row[other].split(","))) for row in rows]
+    yield made(page, "touches.other.least", min(solved for solved, _ in shares), ".1f")
+    yield made(page, "touches.other.most", max(solved for solved, _ in shares), ".1f")
+    yield made(page, "touches.other.off", max(abs(model - solved) for solved, model in shares), ".1f")
+    worst, pad = "worst pair, joint standard errors", "piacenza2017-pad"
+    rows = table(page, "preset", worst)
+    yield made(page, "touches.light.pull", max(column(rows, worst, lambda r: r["preset"] == pad)), ".1f")
+    yield made(page, "touches.light.shapes", max(column(rows, worst, lambda r: r["preset"] != pad)), ".1f")
+    yield made(page, "touches.light.pull.least", min(column(rows, "rms of these")), ".2f")
+    yield made(page, "touches.light.pull.most", max(column(rows, "rms of these")), ".2f")
+    sums = [abs(float(row["all: off, error %"].split(",")[0])) for row in rows]
+    yield made(page, "touches.light.all", max(sums), ".1f")
+
+
 def light() -> Iterator[Figure]:
     """Light of a press, against a converged reference and against other tracers."""
     page = "docs/validation/light.csv"

@@ -34,7 +34,7 @@ from optopad.studio.sentences import (
     sensor_html,
     verdict_html,
 )
-from optopad.studio.session import MOST_SIDEWAYS_MM, Session
+from optopad.studio.session import FIRST_MM, MOST_SIDEWAYS_MM, Session
 from optopad.studio.workshop import Curves, Failed, LiveVerdict, Look, Progress, Readings, Result
 
 PICTURE_S = 20.0
@@ -222,7 +222,7 @@ class AnswersPanel:
     def draw_curves(self, answers: Mapping[type, Result]) -> None:
         """Show the signals of the pairs under the tip; curves of an earlier design are faint."""
         curves, look, press = answers.get(Curves), answers.get(Look), self._session.press
-        if press.held is not None:
+        if not press.is_single_tip:
             self._draw_changes(answers)
             return
         if not isinstance(curves, Curves):
@@ -240,7 +240,7 @@ class AnswersPanel:
         self._curves.content = _padded(curves_svg(curves.found, press.depth_mm), faint)
 
     def _draw_changes(self, answers: Mapping[type, Result]) -> None:
-        """Show the readings under the object that presses; those of an earlier design are faint."""
+        """Show the readings under the object or the tips that press; those of an earlier design are faint."""
         look, found, press = answers.get(Look), answers.get(Readings), self._session.press
         cavity = cavity_of(self._session.design)
         names = [part.name for part in cavity.emitters], [part.name for part in cavity.receivers]
@@ -248,7 +248,7 @@ class AnswersPanel:
         if (
             Failed in answers
             or not isinstance(look, Look)
-            or look.press.held is None
+            or look.press.is_single_tip
             or not isinstance(found, Readings)
             or found.changes is None
             or found.changes.shape != tuple(map(len, names))
@@ -330,8 +330,6 @@ PRESSED_BY = {
     "mesh": "mesh,file=part.stl,units=mm",
 }
 """What can press the pad, and the line with which it starts."""
-FIRST_MM = 1.0
-"""Depth with which a chosen object starts at most [mm]; the contact model covers it on most pads, also at edges."""
 
 
 class Controls:
@@ -402,16 +400,19 @@ class Controls:
         space = cavity_of(design).workspace
         ends = ((space.x0_mm, space.x1_mm), (space.y0_mm, space.y1_mm), (0.0, design.operating.max_depth_mm))
         self._follow_object()
-        values = (press.x_mm, press.y_mm, press.depth_mm)
-        for slider, (low, high), value in zip(self._sliders, ends, values, strict=True):
-            if high <= low:
-                continue
-            if slider.min != low or slider.max != high:
-                slider.min, slider.max = min(low, slider.value), max(high, slider.value)
-                slider.value = min(max(value, low), high)
-                slider.min, slider.max = low, high
-            elif abs(slider.value - value) > 1e-6:
-                slider.value = value
+        self._second.value, second = press.second_mm is not None, press.second_mm
+        for slider in self._second_sliders:
+            slider.visible = second is not None
+        for sliders, tip in ((self._sliders, press.tips_mm[0]), (self._second_sliders, press.tips_mm[-1])):
+            for slider, (low, high), value in zip(sliders, ends, tip, strict=True):
+                if high <= low:
+                    continue
+                if slider.min != low or slider.max != high:
+                    slider.min, slider.max = min(low, slider.value), max(high, slider.value)
+                    slider.value = min(max(value, low), high)
+                    slider.min, slider.max = low, high
+                elif abs(slider.value - value) > 1e-6:
+                    slider.value = value
 
     def _add_file(self, name: str) -> None:
         gui = self._gui
@@ -459,11 +460,23 @@ class Controls:
             )
             self._pressed_by.on_update(self._choose_object)
             self._line.on_update(self._type_object)
-            self._sliders = (
-                self._slider("x", space.x0_mm, space.x1_mm, press.x_mm, drag),
-                self._slider("y", space.y0_mm, space.y1_mm, press.y_mm, drag),
-                self._slider("depth", 0.0, design.operating.max_depth_mm, press.depth_mm, shift),
+            ends = {
+                "x": (space.x0_mm, space.x1_mm, press.x_mm),
+                "y": (space.y0_mm, space.y1_mm, press.y_mm),
+                "depth": (0.0, design.operating.max_depth_mm, press.depth_mm),
+            }
+            hints = {"x": drag, "y": drag, "depth": shift}
+            self._sliders = [
+                self._slider(axis, *of, hints[axis], self._session.move_tip) for axis, of in ends.items()
+            ]
+            self._second: Any = gui.add_checkbox(
+                "second touch", False, hint="A second tip of the same kind presses at the same time."
             )
+            self._second.on_update(self._choose_second)
+            self._second_sliders = [
+                self._slider(f"second {axis}", *of, "Or drag the second tip.", self._session.move_second)
+                for axis, of in ends.items()
+            ]
             turn = "Or control-drag the object."
             self._angles = {
                 name: self._angle_slider(name, turn if name == "yaw" else "")
@@ -481,8 +494,10 @@ class Controls:
                 "move whole rows", False, hint="A dragged part moves its row: pitch or shift."
             )
 
-    def _slider(self, axis: str, low: float, high: float, value: float, hint: str) -> Any:
-        name = f"{axis}_mm"
+    def _slider(
+        self, axis: str, low: float, high: float, value: float, hint: str, move: Callable[..., None]
+    ) -> Any:
+        name = f"{axis.split()[-1]}_mm"
         slider = self._gui.add_slider(
             f"{axis} [mm]",
             min=low,
@@ -496,7 +511,7 @@ class Controls:
             if event.client is None:  # set by the page itself
                 return
             wanted = float(slider.value)
-            self._later(f"tip {name}", lambda: self._session.move_tip(**{name: wanted}), 0.0)
+            self._later(f"tip {axis}", lambda: move(**{name: wanted}), 0.0)
 
         slider.on_update(moved)
         return slider
@@ -536,6 +551,11 @@ class Controls:
         slider.on_update(sheared)
         return slider
 
+    def _choose_second(self, event: Any) -> None:
+        if event.client is not None:
+            is_on = bool(self._second.value)
+            self._later("second", lambda: self._session.add_second(is_on), 0.0)
+
     def _choose_object(self, event: Any) -> None:
         if event.client is not None:
             line = PRESSED_BY[str(self._pressed_by.value)]
@@ -561,6 +581,7 @@ class Controls:
         held = self._session.press.held
         for slider, value in zip(self._sideways, self._session.press.sideways_mm, strict=True):
             slider.visible, slider.value = held is not None, value
+        self._rays.visible = self._session.press.is_single_tip  # they are traced under one tip
         if held == self._shown_held:
             return
         self._shown_held = held
@@ -569,7 +590,6 @@ class Controls:
             self._line.value, self._held_of_line = held.line, held
         kind = OWN_TIP if held is None else f"{held.kind} {getattr(held, 'pose', '')}".strip()
         self._pressed_by.value = kind
-        self._rays.visible = held is None  # they are traced under the tip alone
         for name, slider in self._angles.items():
             slider.visible = held is not None
             slider.value = 0.0 if held is None else math.remainder(getattr(held, name), 360.0)

@@ -194,7 +194,7 @@ class Page:
             if isinstance(answer, LiveVerdict):
                 self._judged[answer.digest] = answer
                 self._forget_some()
-            is_verdict = isinstance(answer, LiveVerdict) and self.session.press.held is None
+            is_verdict = isinstance(answer, LiveVerdict) and self.session.press.is_single_tip
             if is_verdict or isinstance(answer, Look):  # there is a result again
                 self._answers.pop(Failed, None)
         if isinstance(answer, Readings) and self._live is not None and self._live.expected is None:
@@ -289,7 +289,7 @@ class Page:
         self._scene.draw_tip(now.design, self.session.press)
         failed, digest = answers.get(Failed), now.design.digest
         has_none = isinstance(failed, Failed) and failed.digest == digest
-        by_tip = self.session.press.held is None
+        by_tip = self.session.press.is_single_tip
         if isinstance(look, Look) and not now.errors and (not has_none or (by_tip and look.digest == digest)):
             self._scene.draw_top(look)
         else:

@@ -3,7 +3,7 @@
 Components and tip can be dragged: the pointer's ray is intersected with the surface on which they move. For a component
 this is the wall's inner face; it moves either along the wall or in height. For the tip, or the object that presses in
 its place, it is a horizontal plane; with the shift key it moves along the normal and changes the depth, and with the
-control key an object turns.
+control key an object turns. A second tip is dragged in the same way.
 """
 
 from __future__ import annotations
@@ -52,6 +52,7 @@ CLEAR, BLACK, MOLD, TIP, BAD, GHOST = (
 )
 PART_COLOURS = {"emitter": (230, 159, 0), "receiver": (0, 114, 178)}
 UNTURNED = {"yaw": 0.0, "pitch": 0.0, "roll": 0.0}
+FIRST, SECOND = "/tip", "/second-tip"
 FACE_MM = 0.25
 """Thickness of a component's active face in the picture [mm]."""
 
@@ -80,8 +81,7 @@ class PadScene:
         self._parts: dict[str, tuple[str, viser.FrameHandle, viser.BoxHandle, viser.BoxHandle]] = {}
         self._grabs: dict[str, FloatArray] = {}
         self._mold: tuple[str, Mesh] | None = None
-        self._tip: viser.FrameHandle | None = None
-        self._tip_shape = ""
+        self._tips: dict[str, tuple[str, viser.FrameHandle]] = {}
         self._ghosts: list[viser.FrameHandle] = []
         self._scene.set_up_direction("+z")
         self._scene.world_axes.visible = False
@@ -233,43 +233,58 @@ class PadScene:
         )
 
     def draw_tip(self, design: SensorDesign, press: LivePress) -> None:
-        """Draw what presses: the tip along the normal of the untouched top at this location, or an object."""
-        held = press.held
-        shape = design.indenter.model_dump_json() if held is None else held.model_copy(update=UNTURNED).line
-        if self._tip is None or shape != self._tip_shape:
-            self._tip = self._new_tip(tip_body(design) if held is None else held_body(held))
-            self._tip_shape = shape
-        plan = cavity_of(design).plan
+        """Draw what presses: one or two tips along the normals of the untouched top there, or an object."""
+        held, plan = press.held, cavity_of(design).plan
         if held is not None:
-            self._tip.position, self._tip.wxyz = held_pose(plan, held, press)
-            return
-        self._tip.position = tip_apex_mm(plan, press.place_mm, press.depth_mm)
-        self._tip.wxyz = along_normal(plan.normal(*press.place_mm))
+            shape = held.model_copy(update=UNTURNED).line
+            tip = self._tip(FIRST, shape, lambda: held_body(held))
+            tip.position, tip.wxyz = held_pose(plan, held, press)
+        else:
+            shape = design.indenter.model_dump_json()
+            for name, (x, y, depth) in zip((FIRST, SECOND), press.tips_mm, strict=False):
+                tip = self._tip(name, shape, lambda: tip_body(design))
+                tip.position, tip.wxyz = tip_apex_mm(plan, (x, y), depth), along_normal(plan.normal(x, y))
+        if press.second_mm is None and SECOND in self._tips:
+            self._tips.pop(SECOND)[1].remove()
 
-    def _new_tip(self, body_mesh: tuple[FloatArray, IntArray]) -> viser.FrameHandle:
-        frame = self._scene.add_frame("/tip", show_axes=False)
+    def _tip(
+        self, name: str, shape: str, body: Callable[[], tuple[FloatArray, IntArray]]
+    ) -> viser.FrameHandle:
+        """The node of what presses, made anew if it has another shape than before."""
+        if self._tips.get(name, ("",))[0] != shape:
+            self._tips[name] = shape, self._new_tip(name, body())
+        return self._tips[name][1]
+
+    def _new_tip(self, name: str, body_mesh: tuple[FloatArray, IntArray]) -> viser.FrameHandle:
+        frame = self._scene.add_frame(name, show_axes=False)
         body = self._scene.add_mesh_simple(
-            "/tip/body", *body_mesh, color=TIP, opacity=0.75, side="double", cast_shadow=False
+            f"{name}/body", *body_mesh, color=TIP, opacity=0.75, side="double", cast_shadow=False
         )
+        move = self._session.move_tip if name == FIRST else self._session.move_second
+
+        def now() -> FloatArray:
+            """Location and depth of the tip."""
+            tips = self._session.press.tips_mm
+            return np.array(tips[0] if name == FIRST else tips[-1])
 
         async def moved(event: viser.SceneNodeDragEvent[viser.MeshHandle]) -> None:
-            now = self._session.press
-            if event.phase == "start" or "tip" not in self._grabs:
-                self._grabs["tip"] = np.array(event.start_position)
-                self._grabs["tip offset"] = np.array(now.place_mm) - self._grabs["tip"][:2]
-            eye, level = np.array(event.client.camera.position), float(self._grabs["tip"][2])
-            at = plane_cut(eye, np.array(event.end_position), 2, level)[:2] + self._grabs["tip offset"]
+            if event.phase == "start" or name not in self._grabs:
+                self._grabs[name] = np.array(event.start_position)
+                self._grabs[f"{name} offset"] = now()[:2] - self._grabs[name][:2]
+            eye, level = np.array(event.client.camera.position), float(self._grabs[name][2])
+            at = plane_cut(eye, np.array(event.end_position), 2, level)[:2] + self._grabs[f"{name} offset"]
             x, y = float(at[0]), float(at[1])
-            self._later("tip", lambda: self._session.move_tip(x_mm=x, y_mm=y))
+            self._later(name, lambda: move(x_mm=x, y_mm=y))
 
         async def pushed(event: viser.SceneNodeDragEvent[viser.MeshHandle]) -> None:
-            normal = np.array(self._plan.normal(*self._session.press.place_mm))
-            if event.phase == "start" or "push" not in self._grabs:
-                self._grabs["push"] = np.array(event.start_position)
-                self._grabs["push from"] = np.array([self._session.press.depth_mm])
-            way = self._grabs["push"] - np.array(event.end_position)
-            depth = float(self._grabs["push from"][0] + way @ normal)
-            self._later("depth", lambda: self._session.move_tip(depth_mm=depth))
+            x, y, from_mm = now().tolist()
+            normal, grab = np.array(self._plan.normal(x, y)), f"{name} push"
+            if event.phase == "start" or grab not in self._grabs:
+                self._grabs[grab] = np.array(event.start_position)
+                self._grabs[f"{grab} from"] = np.array([from_mm])
+            way = self._grabs[grab] - np.array(event.end_position)
+            depth = float(self._grabs[f"{grab} from"][0] + way @ normal)
+            self._later(f"{name} depth", lambda: move(depth_mm=depth))
 
         async def turned(event: viser.SceneNodeDragEvent[viser.MeshHandle]) -> None:
             press = self._session.press
@@ -294,6 +309,8 @@ class PadScene:
 
         body.on_drag("left")(moved)
         body.on_drag("left", modifier="shift")(pushed)
+        if name == SECOND:
+            return frame
         body.on_drag("left", modifier="cmd/ctrl")(turned)
         body.on_drag("left", modifier="cmd/ctrl+shift")(sheared)
         return frame
@@ -308,7 +325,7 @@ class PadScene:
             place = struck_place(self._plan, np.array(event.ray_origin), np.array(event.ray_direction))
             if place is not None:
                 x, y = place
-                self._later("tip", lambda: self._session.move_tip(x_mm=x, y_mm=y))
+                self._later(FIRST, lambda: self._session.move_tip(x_mm=x, y_mm=y))
 
     def draw_rays(self, rays: Rays | None, *, is_dark: bool) -> None:
         """Draw sample paths of light, one colour per kind; if `rays` is None, remove them."""

@@ -68,7 +68,10 @@ def require_apart(draft: Draft, tips_mm: FloatArray) -> None:
         )
     if len(tips) < MOST_TIPS:
         return
-    require_hemisphere(draft)
+    if (shape := draft.design.indenter.shape) != "hemisphere":
+        raise ModelScopeError(
+            f"indenter.shape: {shape}; two touches are modelled for hemispheres; set it to hemisphere"
+        )
     apart_mm, need_mm = (
         float(np.linalg.norm(np.subtract(*_centres(draft, tips)))),
         2.0 * draft.design.indenter.tip_radius_mm,
@@ -77,14 +80,6 @@ def require_apart(draft: Draft, tips_mm: FloatArray) -> None:
         raise ModelScopeError(
             f"touches: tips at ({tips[0, 0]:g}, {tips[0, 1]:g}) and ({tips[1, 0]:g}, {tips[1, 1]:g}) mm overlap: their "
             f"centres are {apart_mm:.3g} mm apart, need {need_mm:g} mm, two tip radii; move them apart"
-        )
-
-
-def require_hemisphere(draft: Draft) -> None:
-    """Raise ModelScopeError unless the design's tip is a hemisphere."""
-    if (shape := draft.design.indenter.shape) != "hemisphere":
-        raise ModelScopeError(
-            f"indenter.shape: {shape}; two touches are modelled for hemispheres; set it to hemisphere"
         )
 
 

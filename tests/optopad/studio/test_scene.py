@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import SimpleNamespace
@@ -131,3 +132,32 @@ def test_an_object_goes_as_deep_into_the_untouched_top_as_it_is_pressed(name: st
         assert np.asarray(tip.position) == pytest.approx(
             tip_apex_mm(plan, session.press.place_mm, session.press.depth_mm)
         )
+
+
+@pytest.mark.parametrize("name", ["piacenza2017-pad", "crowned-40x25"])
+def test_a_second_tip_is_drawn_dragged_and_taken_away(name: str) -> None:
+    with scene_of(name) as (scene, session, server):
+        plan = cavity_of(session.design).plan
+        session.add_second(True)
+        scene.draw_tip(session.design, session.press)
+        frames = nodes(server, viser.FrameHandle)
+        for node, (x, y, depth) in zip(("/tip", "/second-tip"), session.press.tips_mm, strict=True):
+            assert np.asarray(frames[node].position) == pytest.approx(tip_apex_mm(plan, (x, y), depth))
+        first, second = session.press.tips_mm
+        body = nodes(server, viser.MeshHandle)["/second-tip/body"]
+        eye = np.array([*plan.centre_mm, 60.0])
+        apex = tip_apex_mm(plan, second[:2], second[2])
+        for phase, to in (("start", apex), ("update", apex - [0.0, 0.5, 0.0])):
+            event = SimpleNamespace(
+                phase=phase,
+                start_position=apex,
+                end_position=eye + 0.7 * (to - eye),
+                client=SimpleNamespace(camera=SimpleNamespace(position=eye)),
+            )
+            (moved,) = (one.callback for one in body._impl.drag_cb if one.modifier is None)
+            asyncio.run(moved(event))
+        assert session.press.tips_mm[0] == first
+        assert session.press.tips_mm[1] == pytest.approx((second[0], second[1] - 0.5, second[2]), abs=0.02)
+        session.add_second(False)
+        scene.draw_tip(session.design, session.press)
+        assert "/second-tip" not in nodes(server, viser.FrameHandle)

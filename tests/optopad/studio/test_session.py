@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -418,6 +419,34 @@ def test_an_object_presses_in_place_of_the_tip_is_turned_and_taken_away(session:
     assert session.press == replace(turned, held=None, sideways_mm=(0.0, 0.0))
     session.shear(x_mm=0.2)
     assert session.press.sideways_mm == (0.0, 0.0)
+
+
+def test_a_second_tip_is_added_dragged_and_taken_away(session: Session) -> None:
+    first, told = session.press, []
+    session.listen(lambda: told.append(session.press))
+    session.move_second(x_mm=3.0)
+    assert (session.press, told) == (first, [])
+    assert session.hold("sphere")
+    session.add_second(True)
+    radius, space = session.design.indenter.tip_radius_mm, workspace_of(session.design)
+    press = session.press
+    assert press.second_mm is not None
+    assert press.held is None
+    assert (press.place_mm, press.depth_mm) == (first.place_mm, 1.0)
+    assert math.dist(press.place_mm, press.second_mm[:2]) > 2.0 * radius
+    session.move_second(x_mm=500.0, depth_mm=0.756)
+    assert session.press.second_mm == (space.x1_mm, press.second_mm[1], 0.76)
+    session.move_tip(x_mm=-500.0)
+    assert session.press.tips_mm == ((space.x0_mm, press.y_mm, 1.0), session.press.second_mm)
+    assert told[-1] == session.press
+    assert session.set_field("operating.workspace_margin_mm", 8.0)
+    assert session.press.second_mm is not None
+    assert session.press.second_mm[0] == workspace_of(session.design).x1_mm
+    session.add_second(False)
+    assert session.press.is_single_tip
+    session.add_second(True)
+    assert session.hold("sphere")
+    assert session.press.second_mm is None
 
 
 def test_an_object_may_not_leave_the_workspace_and_an_angle_in_radians_is_doubted(session: Session) -> None:

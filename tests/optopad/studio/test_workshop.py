@@ -444,3 +444,37 @@ def test_an_object_that_is_dragged_sideways_is_pressed_first() -> None:
     assert asked_press(still).shear_mm is None
     asked = asked_press(replace(still, sideways_mm=(0.2, -0.1)))
     assert (asked.at_mm, asked.depth_mm, asked.shear_mm) == (PRESS.place_mm, 2.0, (0.2, -0.1))
+
+
+def test_two_tips_are_dragged_on_one_surface_and_refused_if_they_overlap() -> None:
+    two = LivePress(x_mm=7.0, y_mm=10.0, depth_mm=1.0, second_mm=(14.0, 10.0, 0.5))
+    looks, seen = {}, {}
+    with working() as (shop, answers):
+        for press in (
+            two,
+            replace(two, second_mm=(14.0, 10.0, 0.0)),
+            replace(two, depth_mm=0.0, second_mm=(14.0, 10.0, 0.0)),
+        ):
+            before = len(answers.all)
+            shop.want(request_of(press=press, with_rays=True))
+            looks[press] = answers.all[answers.wait(lambda one: isinstance(one, Look), before)]
+            seen[press] = answers.all[answers.wait(lambda one: isinstance(one, Readings), before)]
+        before = len(answers.all)
+        shop.want(request_of(press=replace(two, second_mm=(8.0, 10.0, 0.5))))
+        failed = answers.all[answers.wait(lambda one: isinstance(one, Failed), before)]
+        assert isinstance(failed, Failed)
+        assert "overlap" in failed.text
+        assert "move them apart" in failed.text
+    both, alone, none = looks.values()
+    for (x, y), depth in (((7.0, 10.0), 1.0), ((14.0, 10.0), 0.5)):
+        near = np.hypot(*(both.points_mm[:, :2] - (x, y)).T) < 1.0
+        assert both.points_mm[near, 2].min() == pytest.approx(8.0 - depth, abs=0.05)
+    (first, first_alone), (second, second_alone) = both.tips_n
+    assert first > first_alone > second > second_alone > 0.0
+    assert both.force_n == pytest.approx(first + second)
+    assert alone.tips_n == ((first_alone, first_alone), (0.0, 0.0))
+    assert none.tips_n == ((0.0, 0.0), (0.0, 0.0))
+    assert (none.points_mm[:, 2] == 8.0).all()
+    of_both, of_one, of_none = seen.values()
+    assert np.abs(of_both.changes - of_one.changes).max() > 3.0
+    assert (of_none.changes == 0.0).all()

@@ -8,7 +8,11 @@ import pytest
 from optopad.design.draft import Draft
 from optopad.design.errors import InputError, ModelScopeError
 from optopad.design.preset import preset
+from optopad.sims.cache import LightStore
+from optopad.sims.contact.held import tips
+from optopad.sims.optics import tracing
 from optopad.sims.optics.accuracy import LightSignals
+from optopad.sims.optics.engine import trace_states
 from optopad.sims.optics.scene.lower import scene_of
 from optopad.sims.optics.scene.symmetry import symmetries_of
 from optopad.sims.optics.tracing import tops_of_tips, trace
@@ -66,6 +70,28 @@ def test_tips_that_are_not_modelled_are_refused_before_any_light():
         trace(smooth, np.array([[ONE, OTHER]]))
 
 
+def test_the_light_of_each_state_is_kept_and_found_without_the_contact_model(tmp_path, monkeypatch):
+    store, solved, real = LightStore(tmp_path / "rows.sqlite", 50.0), [], tips.pressed_tips
+    monkeypatch.setattr(tracing, "light_store", lambda: store)
+    monkeypatch.setattr(tips, "pressed_tips", lambda *given: solved.append(1) or real(*given))
+    monkeypatch.setattr(trace_states, "BATCH_GRIDS", 1)
+    states, pair = np.array([STATES[0], STATES[2], [OTHER, ABSENT]]), np.zeros((8, 8), dtype=np.bool_)
+    pair[0, 5] = True
+
+    def stop(done: int, _states: int) -> None:
+        if done == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        trace(PAD, states, accuracy="draft", pairs=pair, on_step=stop)
+    assert len(solved) == 2
+    whole = trace(PAD, states, accuracy="draft", pairs=pair)
+    assert len(solved) == 3
+    again = trace(PAD, states[::-1], accuracy="draft", pairs=pair)
+    assert len(solved) == 3
+    np.testing.assert_array_equal(again.flux[::-1], whole.flux)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["levi2013-disc", "crowned-40x25"])
 def test_two_tips_are_traced_on_every_shape(name):
@@ -78,9 +104,9 @@ def test_two_tips_are_traced_on_every_shape(name):
 
 @pytest.mark.slow
 def test_every_pairs_light_under_two_tips_is_the_oracles():
-    tips = np.array([ABSENT, ABSENT, [12.0, 12.0, 1.0], [17.3, 17.3, 1.0]]).reshape(2, 2, 3)
-    found, scene = trace(PAD, tips, accuracy="standard"), scene_of(PAD.design)
-    top = tops_of_tips(PAD, scene, np.nan_to_num(tips)).made(1)
+    presses = np.array([ABSENT, ABSENT, [12.0, 12.0, 1.0], [17.3, 17.3, 1.0]]).reshape(2, 2, 3)
+    found, scene = trace(PAD, presses, accuracy="standard"), scene_of(PAD.design)
+    top = tops_of_tips(PAD, scene, np.nan_to_num(presses)).made(1)
     rays = 200_000
     known = trace_oracle(scene, np.zeros((1, 2)), [top], rays=rays, seed=2017).without_crossing[0]
     # the oracle counts rays, so its variance is flux / rays, by the product's flux: few counts would seem too certain
@@ -90,5 +116,7 @@ def test_every_pairs_light_under_two_tips_is_the_oracles():
     assert np.abs(pulls[bright]).max() < 4.0
     assert np.sqrt(np.mean(pulls[bright] ** 2)) < 1.3
     # and a press by one of the two alone would be far off
-    alone = trace(PAD, np.array([[*tips[1, :1].tolist(), ABSENT], *STATES[:1]]), accuracy="standard").flux[0]
+    alone = trace(PAD, np.array([[*presses[1, :1].tolist(), ABSENT], *STATES[:1]]), accuracy="standard").flux[
+        0
+    ]
     assert np.abs((alone - known) / np.sqrt(found.flux[1] / rays))[bright].max() > 10.0
