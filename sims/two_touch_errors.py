@@ -32,7 +32,7 @@ from optopad.sims import touches_score
 from optopad.sims.contact.held.tips import MOST_TIPS, deepest_mm
 from optopad.sims.contact.scope import contact_of
 from optopad.sims.learning.inference.touch_model import TouchModel
-from optopad.sims.learning.inference.two_touches import Touches, found_touches
+from optopad.sims.learning.inference.two_touches import Touches, found_touches, require_one_or_two
 from optopad.sims.learning.together_fit import matched_to
 from optopad.sims.optics.tracing import trace
 from optopad.sims.readings.press_data import PressData
@@ -62,8 +62,7 @@ def require_touches(touches: int, draft: Draft | None = None) -> None:
     InputError : it is not 1 or 2.
     ModelScopeError : two touches are asked for on a design for which they are not modelled.
     """
-    if touches not in (1, MOST_TIPS):
-        raise InputError(f"touches: {touches} is refused; the models know one or two")
+    require_one_or_two(touches)
     if touches == MOST_TIPS and draft is not None:
         touches_score.require_touches(draft)
 
@@ -237,21 +236,29 @@ def predicted_errors(
     ------
     ModelScopeError : the contact or light model does not cover two touches on the design.
     """
-    draft, seed = Draft.of(curves.design), seed + SEED
-    rng = np.random.default_rng(seed)
+    draft, rng = Draft.of(curves.design), np.random.default_rng(seed + SEED)
     touches_mm = drawn_touches(draft, *(QUICK_STATES if quick else STATES), rng)
+    signals = frames_of(touches_mm, curves, rng, seed=seed + SEED, on_step=on_step)
+    found = found_touches(model, np.concatenate(signals))
+    on_step("evaluation of two touches", 1.0)
+    radius_mm = draft.design.indenter.tip_radius_mm
+    return two_touch_errors(learner, found, np.tile(touches_mm, (len(signals), 1, 1)), radius_mm)
+
+
+def frames_of(
+    touches_mm: FloatArray, curves: ProtocolCurves, rng: np.random.Generator, *, seed: int, on_step: OnStep
+) -> list[FloatArray]:
+    """Simulated frames (n, pair) of touches (n, 2, 3), once for each test set and draw of its drift [counts]."""
     chain, untouched = chain_of(curves.design, curves.readout), curves.curves.untouched
-    flux = _ratios(draft, touches_mm, seed, on_step).reshape(-1, *untouched.shape) * untouched
-    signals, sets = [], [one for one in curves.protocol.sets if one.role == "test"]
+    ratios = _ratios(Draft.of(curves.design), touches_mm, seed, on_step)
+    flux = ratios.reshape(-1, *untouched.shape) * untouched
+    signals, sets = list[FloatArray](), [one for one in curves.protocol.sets if one.role == "test"]
     for one in sets * DRAWS:
         drawn = chain.draw_set(rng, is_ambient=one.is_ambient)
         counts = chain.counts(flux, rng.uniform(0.0, 1.0, len(flux)), rng, drawn=drawn)
         signals.append(signals_of(counts).reshape(len(flux), -1).astype(np.float64))
         on_step("evaluation of two touches", 0.5 + 0.1 * len(signals) / (DRAWS * len(sets)))
-    found = found_touches(model, np.concatenate(signals))
-    on_step("evaluation of two touches", 1.0)
-    radius_mm = draft.design.indenter.tip_radius_mm
-    return two_touch_errors(learner, found, np.tile(touches_mm, (len(signals), 1, 1)), radius_mm)
+    return signals
 
 
 def drawn_touches(draft: Draft, singles: int, pairs: int, rng: np.random.Generator) -> FloatArray:

@@ -40,13 +40,13 @@ def touch_sentences(found: dict[str, Any]) -> list[tuple[str, str]]:
         ("" if number else "two points", one) for number, one in enumerate(_separations(found, least, room))
     ]
     if np.isfinite(least[room]).any():
-        sentences += [("margin", _margin(found, room)), ("costs", _costs(found, room))]
+        sentences += [("difference", _difference(found, room)), ("costs", _costs(found, room))]
     if undecided:
         sentences.append(
             (
                 "undecided",
-                f"in {undecided} of {room.sum()} states the error of the light model leaves open if tips that touch "
-                "each other are resolved; they count as not resolved",
+                f"in {undecided} of {room.sum()} states the error of the light model leaves open whether tips that "
+                "touch each other are resolved; they count as not resolved",
             )
         )
     return sentences
@@ -72,7 +72,11 @@ def depth_rows(found: dict[str, Any]) -> list[tuple[str, ...]]:
 
 def _with_worst(values: FloatArray, worst: Callable[[FloatArray], float]) -> str:
     known = values[np.isfinite(values)]
-    return f"{np.median(known):.2g} ({worst(known):.2g})" if known.size else "-"
+    return f"{_short(np.median(known))} ({_short(worst(known))})" if known.size else "-"
+
+
+def _short(value: float) -> str:
+    return f"{value:.0f}" if value >= 99.5 else f"{value:.2g}"
 
 
 def numbers(found: dict[str, Any], name: str) -> FloatArray:
@@ -99,7 +103,7 @@ def _separations(found: dict[str, Any], least: FloatArray, room: BoolArray) -> l
             f"within {TOLD_APART:g} sigma"
         ]
     depths, touching = found["depth_mm"], found["touching_mm"]
-    at_once = (is_at_once(found) | ~room).all(axis=(0, 1))
+    at_once = np.asarray((is_at_once(found) | ~room).all(axis=(0, 1)))
     first = len(depths) - int(np.cumprod(at_once[::-1]).sum())
     lines = []
     if first < len(depths):
@@ -120,13 +124,13 @@ def _separations(found: dict[str, Any], least: FloatArray, room: BoolArray) -> l
     return lines
 
 
-def _margin(found: dict[str, Any], room: BoolArray) -> str:
+def _difference(found: dict[str, Any], room: BoolArray) -> str:
     """The state in which tips that touch each other differ least from a single touch."""
     distance = np.where(room, numbers(found, "distance"), np.inf)
     place, direction, depth = np.unravel_index(int(distance.argmin()), distance.shape)
     x, y = found["places_mm"][place]
     return (
-        f"one frame of tips that touch each other differs from every single touch by {distance.min():.2g} sigma or "
+        f"one frame of tips that touch each other differs from every single touch by {_short(distance.min())} sigma or "
         f"more; least around ({x:.3g}, {y:.3g}) mm at {found['directions_deg'][direction]:g} degrees, "
         f"{found['depth_mm'][depth]:.2g} mm deep; {TOLD_APART:g} are needed"
     )

@@ -198,8 +198,8 @@ def plot_touch_sheet(
     directions_deg: Sequence[float],
     depth_mm: Sequence[float],
     distance: FloatArray,
+    is_resolved: BoolArray,
     least_mm: FloatArray,
-    touching_mm: float,
 ) -> Figure:
     """Distance (place, direction, depth) of two tips that touch each other from a single touch, a map for each depth.
 
@@ -208,28 +208,27 @@ def plot_touch_sheet(
     Parameters
     ----------
     distance : [noise deviations]; NaN where two tips have no room
-    least_mm : least separation at which they are resolved as two [mm]; strokes of those above `touching_mm` are red,
-        and dotted if it is infinite
+    is_resolved : whether they are resolved as two; strokes of the others are red
+    least_mm : least separation at which two tips are resolved [mm]; red strokes are dotted if it is infinite
     """
     figure, panels = map_sheet(draft.cavity, [f"{depth:.2g} mm deep" for depth in depth_mm], PANEL_IN)
     between = np.linalg.norm(places_mm[:, None] - places_mm, axis=2)
     away = between[between > 0.0]
-    half = STROKE * float(away.min() if away.size else touching_mm)
+    half = STROKE * float(away.min() if away.size else 2.0 * draft.cavity.tip_radius_mm)
     angle = np.radians(directions_deg)
     ways = half * np.column_stack([np.cos(angle), np.sin(angle)])
-    norm = _log_scale(distance)
+    norm = _log_scale(np.where(is_resolved, distance, np.nan))
     for number, ax in enumerate(panels):
         _draw_pad(ax, draft.cavity, is_large=False)
         for (place, direction), value in np.ndenumerate(distance[..., number]):
             if np.isnan(value):
                 continue
-            least = least_mm[place, direction, number]
-            is_near = least <= 1.01 * touching_mm
+            state = place, direction, number
             for sign in (-1.0, 1.0):
                 ends = places_mm[place] + sign * np.array([[GAP], [1.0]]) * ways[direction]
-                style = "-" if np.isfinite(least) else (0, (1, 1))
-                colour = CHANGE_COLOURS(float(norm(value))) if is_near else VERMILLION
-                if is_near:
+                style = "-" if np.isfinite(least_mm[state]) else (0, (1, 1))
+                colour = CHANGE_COLOURS(float(norm(value))) if is_resolved[state] else VERMILLION
+                if is_resolved[state]:
                     ax.plot(*ends.T, color=INK, linewidth=3.2, solid_capstyle="butt")
                 ax.plot(*ends.T, color=colour, linestyle=style, linewidth=2.4, solid_capstyle="butt")
     add_scale(figure, panels, "distance of tips that touch each other [sigma]", CHANGE_COLOURS, norm)

@@ -134,7 +134,7 @@ def prepare(page: Path, *, with_data: bool = False) -> None:
         Path("my-pad.toml").write_text(f"{text}\n{exact}", encoding="utf-8")
         if with_data:
             few_presses(Path("my-pad.toml"), Path("presses.nc"))
-    if page.name == "train-learner.md" and with_data:
+    if page.name in ("train-learner.md", "two-touches.md") and with_data:
         from optopad.sims.readings.dataset import save_data
         from tests.sims.learning.pressed_pad import grid_mm, made_up_data
 

@@ -13,7 +13,7 @@ from optopad.design.spec import SensorDesign
 from optopad.report.sections.drawings import PREFIX, Drawing
 from optopad.report.sections.objects import figures_of
 from optopad.report.words import part
-from optopad.screen.touches import depth_rows, numbers, touch_sentences, what_touched
+from optopad.screen.touches import depth_rows, is_at_once, numbers, touch_sentences, what_touched
 from optopad.sims.plots.maps import plot_touch_sheet
 from optopad.sims.plots.style import plain_style, svg_text
 from optopad.sims.touches_score import TOLD_APART, TOUCHES
@@ -43,8 +43,8 @@ def touches_drawing(design: SensorDesign, found: dict[str, Any]) -> Drawing:
             found["directions_deg"],
             found["depth_mm"],
             numbers(found, "distance"),
+            is_at_once(found),
             numbers(found, "least_mm"),
-            found["touching_mm"],
         )
         return Drawing(stem=PREFIX + NAME, shows=shows, svg=svg_text(figure, NAME))
 

@@ -61,6 +61,7 @@ def test_the_screen_says_where_tips_that_touch_each_other_are_resolved():
     )
     assert lines[1].endswith(" everywhere from 0.2 mm deep")
     assert "by 5 sigma or more; least around (8, 7) mm at 0 degrees, 0.2 mm deep; 3 are needed" in lines[2]
+    assert lines[2].startswith("difference  ")
     assert lines[3].endswith(
         "makes the bounds 1.20 times as large for location and 1.30 for depth (medians; worst 1.30 and 1.40)"
     )

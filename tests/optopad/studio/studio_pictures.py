@@ -43,6 +43,11 @@ def draw(out: Path) -> None:
         browser.wait_for_text("Under a cylinder", 300)
         browser.settle()
         browser.screenshot(IMAGES / "studio-object.png")
+    with _shown([], out) as (page, browser):
+        page.session.add_second(True)
+        browser.wait_for_text("Under two touches", 300)
+        browser.settle()
+        browser.screenshot(IMAGES / "studio-two-touches.png")
     with _shown(["cavity.clear_thickness_mm=11"], out) as (page, browser):
         page.session.move_tip(depth_mm=3.0)
         browser.click_text("sample rays")
