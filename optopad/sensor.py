@@ -234,10 +234,11 @@ def fitting_model(file: Path, config: DriverConfig, touches: int = 1) -> TouchMo
     InputError : the file is not a model, or is a model of another design or of one touch; the message names the file.
     """
     from optopad.fabrication.driver.descriptor import descriptor_of
-    from optopad.fabrication.driver.touch_reader import require_fits, require_number, require_touches
+    from optopad.fabrication.driver.touch_reader import require_fits, require_touches
     from optopad.sims.learning.inference.model_file import load_model
+    from optopad.sims.learning.inference.two_touches import require_one_or_two
 
-    require_number(touches)
+    require_one_or_two(touches)
     model = load_model(file)
     try:
         require_fits(model.header, descriptor_of(config))

@@ -32,7 +32,7 @@ from optopad.sims import touches_score
 from optopad.sims.contact.held.tips import MOST_TIPS, deepest_mm
 from optopad.sims.contact.scope import contact_of
 from optopad.sims.learning.inference.touch_model import TouchModel
-from optopad.sims.learning.inference.two_touches import Touches, found_touches
+from optopad.sims.learning.inference.two_touches import Touches, found_touches, require_one_or_two
 from optopad.sims.learning.together_fit import matched_to
 from optopad.sims.optics.tracing import trace
 from optopad.sims.readings.press_data import PressData
@@ -62,8 +62,7 @@ def require_touches(touches: int, draft: Draft | None = None) -> None:
     InputError : it is not 1 or 2.
     ModelScopeError : two touches are asked for on a design for which they are not modelled.
     """
-    if touches not in (1, MOST_TIPS):
-        raise InputError(f"touches: {touches} is refused; the models know one or two")
+    require_one_or_two(touches)
     if touches == MOST_TIPS and draft is not None:
         touches_score.require_touches(draft)
 

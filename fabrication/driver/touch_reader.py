@@ -35,7 +35,12 @@ from optopad.fabrication.driver.slip import NO_SLIP, SlipDetector
 from optopad.fabrication.driver.tracks import Tracks
 from optopad.sims.learning.inference.header import ModelHeader, require_design
 from optopad.sims.learning.inference.touch_model import TouchModel
-from optopad.sims.learning.inference.two_touches import Touches, found_touches, require_two_touches
+from optopad.sims.learning.inference.two_touches import (
+    Touches,
+    found_touches,
+    require_one_or_two,
+    require_two_touches,
+)
 
 AXES = ("x", "y", "depth")
 """Names of the three numbers of a press."""
@@ -362,12 +367,6 @@ NO_CONTACT = Contact(
 """The first contact of a frame without one."""
 
 
-def require_number(touches: int) -> None:
-    """Check that models can know so many touches in a frame, 1 or 2; raises InputError."""
-    if touches not in (1, 2):
-        raise InputError(f"touches: {touches} is refused; the models know one or two")
-
-
 def require_touches(model: TouchModel, touches: int) -> None:
     """Check that a model finds so many touches in a frame.
 
@@ -375,7 +374,7 @@ def require_touches(model: TouchModel, touches: int) -> None:
     ------
     InputError : the number is not 1 or 2, or is 2 and the model knows one touch; the message says what to do.
     """
-    require_number(touches)
+    require_one_or_two(touches)
     if touches == 2:
         require_two_touches(model)
 

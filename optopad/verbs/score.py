@@ -23,12 +23,12 @@ from optopad.screen.score import Score
 from optopad.screen.shear import shear_lines
 from optopad.screen.touches import touch_lines
 from optopad.sims.held_score import OBJECTS, require_objects, score_objects
+from optopad.sims.learning.inference.two_touches import require_one_or_two
 from optopad.sims.score import scoring
 from optopad.sims.score.build_tolerance import DEFAULT_BUILDS
 from optopad.sims.score.result import ContinuityScore
 from optopad.sims.shear_score import SHEAR, require_shear, score_shear
 from optopad.sims.touches_score import TOUCHES, require_touches, score_touches
-from optopad.sims.two_touch_errors import require_touches as require_one_or_two
 from optopad.sims.verdict.builds import FEWEST_BUILDS, MOST_BUILDS
 from optopad.work import OUT, FinishedWork, beside
 

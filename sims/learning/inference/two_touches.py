@@ -90,6 +90,12 @@ class Touches:
     force_n: FloatArray | None
 
 
+def require_one_or_two(touches: int) -> None:
+    """Check a number of touches that models can know at once, 1 or 2; raises InputError."""
+    if touches not in (1, 2):
+        raise InputError(f"touches: {touches} is refused; the models know one or two")
+
+
 def require_two_touches(model: TouchModel) -> SignalMapModel:
     """The model, if it can tell two touches apart.
 
