@@ -25,9 +25,9 @@ from optopad.sims.verdict.pad_map import PadMap, Place, grid_places_mm, map_grid
 from optopad.studio.drawings import QUANTITIES, curves_svg, map_svg, quantity, readings_svg
 from optopad.studio.live import LiveView
 from optopad.studio.pad_mesh import cut_open, pressed_top
-from optopad.studio.sentences import pins_html, said_html, sensor_html, verdict_html
+from optopad.studio.sentences import held_html, pins_html, said_html, sensor_html, verdict_html
 from optopad.studio.session import LivePress, Said, Version
-from optopad.studio.workshop import LiveVerdict, Progress
+from optopad.studio.workshop import LiveVerdict, Look, Progress
 from tests.optopad.report.bounded_score import bounded_score
 from tests.sims.made_up_scores import dead_score, made_up_depths, made_up_pair, out_of_scope_score
 
@@ -35,6 +35,7 @@ PAD, OBLONG = "piacenza2017-pad", "oblong-60x40"
 DEAD, BOUNDED, REFUSED = dead_score(), bounded_score(), out_of_scope_score()
 NASTY = """<b>"E1" & 'co'</b>"""
 PRESS = LivePress(x_mm=11.0, y_mm=20.0, depth_mm=2.0)
+TWO = LivePress(x_mm=8.0, y_mm=24.0, depth_mm=1.0, second_mm=(17.0, 24.0, 0.5))
 DEEPEST_MM = 5.0
 
 
@@ -141,12 +142,39 @@ def test_a_map_has_a_cell_a_place_and_what_is_blind_is_hatched(name: str) -> Non
 
 def test_a_map_is_the_pad_seen_from_above() -> None:
     cavity = cavity_of(preset(PAD))
-    root = drawn(map_svg(cavity, None, LivePress(x_mm=8.0, y_mm=24.0, depth_mm=1.0)))
+    root = drawn(map_svg(cavity, None, replace(TWO, second_mm=None)))
     (tip,) = [one for one, _ in titled(root, "circle")]
     scale = (400 - 52) / 32.0
     assert float(tip.attrib["cx"]) == pytest.approx(26 + scale * 8.0, abs=0.06)
     assert float(tip.attrib["cy"]) == pytest.approx(26 + scale * (32.0 - 24.0), abs=0.06)
     assert float(tip.attrib["r"]) == pytest.approx(scale * 3.0, abs=0.06)
+    two = drawn(map_svg(cavity, None, replace(TWO, second_mm=(14.0, 20.0, 0.5))))
+    assert [title for _, title in titled(two, "circle")] == [
+        "the first tip: x 8, y 24 mm",
+        "the second tip: x 14, y 20 mm",
+    ]
+
+
+def test_the_readings_under_two_tips_are_titled_with_each_one_s_force() -> None:
+    look = Look(
+        digest="",
+        press=TWO,
+        points_mm=np.zeros((0, 3)),
+        triangles=np.zeros((0, 3), int),
+        force_n=5.0,
+        area_mm2=0.0,
+        tips_n=((3.0, 2.5), (2.0, 1.5)),
+    )
+    cavity = cavity_of(preset(PAD))
+    changes = np.zeros((8, 8))
+    changes[1, 2] = -40.0
+    words = " ".join(held_html(look, changes, cavity).split())
+    for expected in (
+        "Under two touches</b>, 9.0 mm apart; the first at x 8.0, y 24.0 mm: 1.00 mm deep, 3.00 N (2.50 N alone)",
+        "the second at x 17.0, y 24.0 mm: 0.50 mm deep, 2.00 N (1.50 N alone); 1 of 64 pairs change",
+        "most E2-R3 by -40",
+    ):
+        assert expected in words
 
 
 @pytest.mark.parametrize("name", SHAPED_PRESETS)

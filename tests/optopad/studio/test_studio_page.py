@@ -171,6 +171,36 @@ def test_an_object_is_chosen_dragged_turned_refused_and_taken_away(tmp_path: Pat
         assert browser.errors == []
 
 
+def test_a_second_tip_is_added_dragged_refused_and_taken_away(tmp_path: Path) -> None:
+    with (
+        studio(tmp_path, "piacenza2017-pad") as (page, _),
+        chromium_page(f"{page.url}?fixedDpr=1", 1300, 860) as browser,
+    ):
+        browser.wait_for_text("Pairs under the tip", 60)
+        browser.settle()
+        browser.close_notes()
+        browser.click_text("second touch")
+        browser.wait_for_text("Under two touches, 9.0 mm apart", 120)
+        browser.slide("second depth [mm]", 0.1)
+        browser.wait_for_text("y 16.0 mm: 0.50 mm deep", 60)
+        session = page.session
+        assert session.press.second_mm is not None
+        x_mm, y_mm = session.press.second_mm[:2]
+        camera = next(iter(page.server.get_clients().values())).camera
+        canvas = browser.box("canvas")
+        start, end = (screen_place(camera, (x, y_mm - 2.9, 13.0), canvas) for x in (x_mm, x_mm - 2.0))
+        browser.drag(start, end)
+        browser.wait_for("new Promise((done) => setTimeout(() => done(true), 500))")
+        assert session.press.second_mm[0] - x_mm == pytest.approx(-2.0, abs=0.5)
+        assert session.press.place_mm == (16.0, 16.0)
+        session.move_second(x_mm=18.0, y_mm=16.0)
+        browser.wait_for_text("overlap", 60)
+        browser.click_text("second touch")
+        browser.wait_for_text("Pairs under the tip", 60)
+        assert session.press.is_single_tip
+        assert browser.errors == []
+
+
 def test_another_page_of_the_same_browser_is_refused_even_with_the_token(tmp_path: Path) -> None:
     opens = """(address) => new Promise((done) => { const line = new WebSocket(address, %r);
       line.onopen = () => done('open'); line.onerror = () => done('refused'); })"""
