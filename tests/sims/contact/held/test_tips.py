@@ -134,14 +134,14 @@ def test_a_tip_of_some_micrometres_leaves_the_other_one_s_top():
 
 def test_what_is_not_covered_is_refused_with_the_way_out():
     deep = deepest_mm(PAD)
-    for tips, kind, words in (
+    for at, kind, words in (
         ([[12.0, 16.0, 1.0], [17.9, 16.0, 1.0]], ModelScopeError, "overlap.*5.9.*6 mm"),
         ([[8.0, 8.0, 1.0], [16.0, 16.0, 1.0], [24.0, 24.0, 1.0]], InputError, "3 at once"),
         ([[10.0, 16.0, deep + 0.01], [22.0, 16.0, 1.0]], ModelScopeError, "deeper"),
         ([[10.0, 16.0, 0.0]], InputError, "none"),
     ):
         with pytest.raises(kind, match=words):
-            pressed_tips(PAD, np.array(tips))
+            pressed_tips(PAD, np.array(at))
     flat = contact_of(preset("piacenza2017-pad").with_(**{"indenter.shape": "flat_punch"}))
     with pytest.raises(ModelScopeError, match=r"indenter\.shape"):
         pressed_tips(flat, TWO)
