@@ -19,23 +19,17 @@ from optopad.design.draft import Draft
 from optopad.sims.contact.held.tips import MOST_TIPS
 from optopad.sims.optics.accuracy import Accuracy
 from optopad.sims.optics.tracing import trace
-from optopad.sims.verdict.presses import untouched_flux
 
 
 def changes_together(
     draft: Draft,
     presses_mm: FloatArray,
     *,
-    untouched: FloatArray | None = None,
     seeds: Sequence[int] = (0,),
     accuracy: str | Accuracy = "score",
     on_step: Callable[[int, int], None] | None = None,
 ) -> FloatArray:
     """What the light of two touches (n, 2, 3) has in addition to the product of both, over untouched light.
-
-    Parameters
-    ----------
-    untouched : (pair,) untouched light; None is the pad's own. A map's is higher for faint pairs
 
     Returns
     -------
@@ -50,10 +44,7 @@ def changes_together(
     states = np.concatenate([alone, presses_mm])
     light = _grid_light(draft, states, seeds=seeds, accuracy=accuracy, on_step=on_step)
     alone = light[:, : len(single)][:, np.reshape(number, (-1, MOST_TIPS))]
-    found = light[:, len(single) :] - alone.prod(axis=2)
-    if untouched is not None:
-        found *= np.minimum(untouched_flux(draft, seed=seeds[0]).ravel() / untouched, 1.0)
-    return np.asarray(found)
+    return np.asarray(light[:, len(single) :] - alone.prod(axis=2))
 
 
 def _grid_light(

@@ -8,8 +8,8 @@ directions. Their frame is compared with the frames of all single touches, of an
     D = min over (x, y, depth) of the root of Σ (u(two touches) - u(single touch))²,      u in noise deviations,
 
 over all pairs; readings beyond full scale count as full scale. Two touches are told apart where D is at least 3. The
-least separation for this is searched from tips that touch each other upward, and interpolated between the separations
-that are computed, D as a power of the separation. Nearer than that, tips overlap.
+least separation for this is searched from tips that touch each other upward, to the largest one that has room, and
+interpolated between those that are computed, D as a power of the separation. Nearer than that, tips overlap.
 
 Light and its error
 -------------------
@@ -29,7 +29,7 @@ Of states that are symmetric to each other only one is computed.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -70,6 +70,8 @@ DEPTHS = (1.0 / 30.0, 0.1, 1.0 / 3.0, 2.0 / 3.0)
 """Depths of the touches [tip radii]."""
 WIDER, CLEAR = 1.35, 1.001
 """Ratio of separations that are computed one after another, and room between tips that touch each other [-]."""
+HALVINGS = 12
+"""Steps of the search for the largest separation that has room."""
 STEPS, FEWEST_STEPS, MOST_CLASSES = 5, 2, 20
 """Locations along the longer side, at first and at least, and the most states of equal depth that are computed."""
 
@@ -152,15 +154,15 @@ class _Pad:
     Attributes
     ----------
     draft : the pad
-    known : map of the first trace
-    maps : √ratio of light of both traces
+    is_bright : mask of the pairs that are used, all but those with hardly any light
+    maps : √ratio of light of both traces, of these pairs
     box : range of single touches
-    counts : (pair,) untouched readings, not limited [counts]
+    counts : (pair,) their untouched readings, not limited [counts]
     readout : gains, full scale and noise
     """
 
     draft: Draft
-    known: SignalMap
+    is_bright: BoolArray
     maps: tuple[TensorSpline, TensorSpline]
     box: Box
     counts: FloatArray
@@ -202,31 +204,28 @@ def score_touches(draft: Draft, *, seed: int = 0, on_step: OnStep | None = None)
     asked = np.argwhere(np.broadcast_to(has_room[..., None], shape))
     arrays = {name: np.full(shape, np.nan) for name in ("least_mm", "distance", *BOUNDS)}
     is_open = np.zeros(shape, np.bool_)
-    separation, before = 2.0 * radius * CLEAR, np.full(len(asked), np.nan)
-    left = np.arange(len(asked))
+    touching, before = 2.0 * radius * CLEAR, np.full(len(asked), np.nan)
+    left, apart = np.arange(len(asked)), np.full(len(asked), touching)
+    most = _largest(draft, places, asked, touching)
     while len(left):
-        tips = _tips(places, depth_mm, asked[left], separation)
-        inside = _inside(draft, tips)
-        at = tuple(asked[left[~inside]].T)
-        arrays["least_mm"][at] = np.inf
-        left, tips = left[inside], tips[inside]
-        if not len(left):
-            break
+        tips = _tips(places, depth_mm, asked[left], apart[left])
         classes = _classes(draft, tips)
         square, error = _squares(pad, tips[classes.first], seed, tell)
         square, error = square[classes.member], error[classes.member]
-        now = np.sqrt(np.maximum(square, 0.0))
+        now, at = np.sqrt(np.maximum(square, 0.0)), tuple(asked[left].T)
         told = square - UNSURE * error >= TOLD_APART**2
-        at = tuple(asked[left].T)
-        if separation == 2.0 * radius * CLEAR:
+        if np.isnan(before).all():
             arrays["distance"][at] = now
             is_open[at] = np.abs(square - TOLD_APART**2) < UNSURE * error
             for name, values in _bounds(pad, tips[classes.first]).items():
                 arrays[name][at] = values[classes.member]
-        arrays["least_mm"][tuple(asked[left[told]].T)] = _between(separation, before[left[told]], now[told])
+        nearer = np.where(np.isnan(before[left]), apart[left], np.maximum(apart[left] / WIDER, touching))
+        arrays["least_mm"][at] = np.where(
+            told, _between(nearer, apart[left], before[left], now) / CLEAR, np.inf
+        )
         before[left] = now
-        left = left[~told]
-        separation *= WIDER
+        left = left[~told & (apart[left] < most[left])]
+        apart[left] = np.minimum(WIDER * apart[left], most[left])
     tell("two touches", 1.0)
     return TouchesScore(
         radius_of_tip_mm=radius,
@@ -241,13 +240,23 @@ def score_touches(draft: Draft, *, seed: int = 0, on_step: OnStep | None = None)
 BOUNDS = ("location_mm", "bound_depth_mm", "location_times", "depth_times")
 
 
-def _between(separation: float, before: FloatArray, now: FloatArray) -> FloatArray:
-    """Separations (n,) at which D is at the limit, from D at this separation and at the one before, NaN if none."""
+def _between(nearer: FloatArray, apart: FloatArray, before: FloatArray, now: FloatArray) -> FloatArray:
+    """Separations (n,) at which D is at the limit, from D at two separations; it is the first one if that has none."""
     share = np.zeros(len(now))
-    known = ~np.isnan(before) & (before > 0.0) & (before < TOLD_APART)
+    known = (now > TOLD_APART) & (before > 0.0) & (before < TOLD_APART)
     share[known] = np.log(now[known] / TOLD_APART) / np.log(now[known] / before[known])
-    found = separation * WIDER ** -np.clip(share, 0.0, 1.0)
-    return np.where(np.isnan(before), separation / CLEAR, found)
+    return np.asarray(apart * (nearer / apart) ** np.clip(share, 0.0, 1.0))
+
+
+def _largest(draft: Draft, places: FloatArray, asked: IntArray, least_mm: float) -> FloatArray:
+    """Largest separations (n,) of tips in the workspace, for states (n, 3) that have room for the least [mm]."""
+    x0, y0, x1, y1 = draft.workspace.box_mm
+    low, high = np.full(len(asked), least_mm), np.full(len(asked), float(np.hypot(x1 - x0, y1 - y0)))
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        fits = _inside(draft, _tips(places, np.zeros(1), np.where([True, True, False], asked, 0), middle))
+        low, high = np.where(fits, middle, low), np.where(fits, high, middle)
+    return low
 
 
 def _states(draft: Draft) -> tuple[FloatArray, FloatArray, BoolArray]:
@@ -296,10 +305,12 @@ def _places(draft: Draft, steps: int) -> FloatArray:
     return np.asarray(places[draft.workspace.contains(*places.T)])
 
 
-def _tips(places: FloatArray, depth_mm: FloatArray, asked: IntArray, separation_mm: float) -> FloatArray:
-    """Presses (n, 2, 3) of states, given the numbers (n, 3) of location, direction and depth."""
+def _tips(
+    places: FloatArray, depth_mm: FloatArray, asked: IntArray, apart_mm: FloatArray | float
+) -> FloatArray:
+    """Presses (n, 2, 3) of states, given the numbers (n, 3) of location, direction and depth, and separations (n,)."""
     angle = np.radians(DIRECTIONS_DEG)[asked[:, 1]]
-    half = 0.5 * separation_mm * np.column_stack([np.cos(angle), np.sin(angle)])
+    half = 0.5 * np.reshape(apart_mm, (-1, 1)) * np.column_stack([np.cos(angle), np.sin(angle)])
     middle, depth = places[asked[:, 0]], depth_mm[asked[:, 2], None]
     return np.stack([np.concatenate([middle + sign * half, depth], axis=1) for sign in (-1.0, 1.0)], axis=1)
 
@@ -333,18 +344,24 @@ def _pad(draft: Draft, seed: int, tell: OnStep) -> _Pad:
             )
         )
     readout = untouched_readout(design, untouched_flux(draft, seed=seed))
-    space, shape = draft.workspace, found[0].flux.shape[3:]
+    space, bright = draft.workspace, found[0].is_bright & found[1].is_bright
+    counts = np.mean([one.flux[0, 0, 0] for one in found], axis=0) * readout.gains
     return _Pad(
         draft=draft,
-        known=found[0],
-        maps=(found[0].ratio_root, found[1].ratio_root),
+        is_bright=bright,
+        maps=(_of_pairs(found[0], bright), _of_pairs(found[1], bright)),
         box=Box(
             low=np.array([space.x0_mm, space.y0_mm, 0.0]),
             high=np.array([space.x1_mm, space.y1_mm, found[0].root_depth[-1] ** 2]),
         ),
-        counts=(np.mean([one.untouched for one in found], axis=0).reshape(shape) * readout.gains).ravel(),
+        counts=counts.ravel()[bright],
         readout=readout,
     )
+
+
+def _of_pairs(found: SignalMap, chosen: BoolArray) -> TensorSpline:
+    spline = found.ratio_root
+    return replace(spline, coefficients=spline.coefficients[..., chosen])
 
 
 def _squares(pad: _Pad, tips: FloatArray, seed: int, tell: OnStep) -> tuple[FloatArray, FloatArray]:
@@ -352,11 +369,10 @@ def _squares(pad: _Pad, tips: FloatArray, seed: int, tell: OnStep) -> tuple[Floa
     change = changes_together(
         pad.draft,
         tips,
-        untouched=pad.known.untouched,
         seeds=(seed, seed + SEED_GAP),
         on_step=lambda done, total: tell("two touches", done / total),
     )
-    ratio = np.maximum(pad.ratios(tips).prod(axis=2) + change, 0.0)
+    ratio = np.maximum(pad.ratios(tips).prod(axis=2) + change[..., pad.is_bright], 0.0)
     counts = np.minimum(ratio.mean(axis=0) * pad.counts, pad.readout.full_scale_counts)
     weight = sigma_counts(counts, **pad.readout.noise) ** -2.0
     table = table_presses_mm(pad.box)

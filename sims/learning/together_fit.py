@@ -27,11 +27,11 @@ from optopad.sims.learning.touch_fit import sigma_table
 from optopad.sims.learning.traced_map import SignalMap, measured_error
 from optopad.sims.touches import changes_together
 
-POOL, PAIRS = 60, 120
-"""Single presses, and pairs of them that are traced."""
+POOLS, PAIRS = (60, 240, 960), 120
+"""Single presses, more if few pairs of them have room, and pairs that are traced."""
 SHALLOWEST = 0.15
 """Least root of a press's depth over the deepest one's [-]."""
-SINGLES, FRAMES = 150, 12
+SINGLES, FRAMES = 400, 4
 """Single touches for the threshold, and noisy frames of each press."""
 FALSE_SECONDS = 0.002
 """Share of simulated single touches that may count as two [-]."""
@@ -60,11 +60,10 @@ def fit_together(
     """
     tell = on_step or (lambda _stage, _share: None)
     rng = np.random.default_rng(seed + SEED)
-    presses = drawn_pairs(draft, rng, POOL, PAIRS)
+    presses = drawn_pairs(draft, rng)
     (change,) = changes_together(
         draft,
         presses,
-        untouched=known.untouched,
         seeds=(seed + SEED,),
         on_step=lambda done, total: tell("two touches", 0.6 * done / total),
     )
@@ -77,9 +76,10 @@ def fit_together(
     pair = known.ratio_root.values(presses.reshape(-1, 3)).reshape(len(presses), 2, -1) ** 2
     single, mapped = (one.reshape(SINGLES, -1) / known.untouched for one in (checked.truth, checked.found))
     noise = _without_map(model.noise, known, model.full_counts)
+    bright = known.is_bright
     together = Together(
         radius_mm=draft.design.indenter.tip_radius_mm,
-        errors=_errors(single, mapped, pair, change),
+        errors=_errors(single[:, bright], mapped[:, bright], pair[..., bright], change[:, bright]),
         floor_counts=noise.floor_counts,
         threshold=0.0,
         sigma=UNIT_SIGMA,
@@ -97,7 +97,7 @@ def fit_together(
     return replace(model, together=replace(together, sigma=sigma))
 
 
-def drawn_pairs(draft: Draft, rng: np.random.Generator, pool: int, pairs: int) -> FloatArray:
+def drawn_pairs(draft: Draft, rng: np.random.Generator) -> FloatArray:
     """Random pairs (n, 2, 3) of presses of a pool that do not overlap; near ones are drawn more often.
 
     Raises
@@ -105,21 +105,24 @@ def drawn_pairs(draft: Draft, rng: np.random.Generator, pool: int, pairs: int) -
     ModelScopeError : no two tips have room in the workspace.
     """
     contact, most = contact_of(draft.design), draft.design.operating.max_depth_mm
-    places = draft.workspace.spread(rng.uniform(size=(pool, 2)))
-    deepest = np.array([min(deepest_mm(contact, (x, y)), most) for x, y in places.tolist()])
-    single = np.column_stack([places, deepest * rng.uniform(SHALLOWEST, 1.0, pool) ** 2])
-    first, second = np.triu_indices(pool, 1)
-    fits = np.array(
-        [_fits(draft, single[[i, j]]) for i, j in zip(first.tolist(), second.tolist(), strict=True)]
-    )
-    first, second = first[fits], second[fits]
+    for pool in POOLS:
+        places = draft.workspace.spread(rng.uniform(size=(pool, 2)))
+        deepest = np.array([min(deepest_mm(contact, (x, y)), most) for x, y in places.tolist()])
+        single = np.column_stack([places, deepest * rng.uniform(SHALLOWEST, 1.0, pool) ** 2])
+        first, second = np.triu_indices(pool, 1)
+        fits = np.array(
+            [_fits(draft, single[[i, j]]) for i, j in zip(first.tolist(), second.tolist(), strict=True)]
+        )
+        first, second = first[fits], second[fits]
+        if len(first) >= PAIRS:
+            break
     if not len(first):
         raise ModelScopeError(
             "touches: the workspace has no room for two tips; take a smaller tip, or lower "
             "operating.workspace_margin_mm"
         )
     near = np.hypot(*(single[first, :2] - single[second, :2]).T) ** -2.0
-    chosen = rng.choice(len(first), min(pairs, len(first)), replace=False, p=near / near.sum())
+    chosen = rng.choice(len(first), min(PAIRS, len(first)), replace=False, p=near / near.sum())
     return np.stack([single[first[chosen]], single[second[chosen]]], axis=1)
 
 

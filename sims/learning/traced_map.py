@@ -12,7 +12,7 @@ the error.
 
 Symmetric locations are traced only once (`optopad.sims.optics.scene.symmetry`): on a pad with four equal sides, that
 leaves a quarter of them. `measured_error` compares the map with presses at random locations and depths, traced with
-another seed. It includes the interpolation and the numerical errors of both traces. Left out: two tips at once.
+another seed. It includes the interpolation and the numerical errors of both traces.
 
 The force curve is the contact model's force for a press in the middle of the pad. Left out: presses near walls, which
 raise the force by up to a tenth at 1 mm (docs/understand/model.md); the uncertainty of the modulus; viscosity.
@@ -24,7 +24,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from optopad.design.arrays import FloatArray, IntArray
+from optopad.design.arrays import BoolArray, FloatArray, IntArray
 from optopad.design.draft import Draft
 from optopad.design.errors import InputError
 from optopad.design.progress import OnStep
@@ -105,6 +105,11 @@ class SignalMap:
         """Light (pair,) of the untouched pad [-], raised to `FAINTEST` times the median over pairs where it is less."""
         flat = self.flux[0, 0, 0].ravel()
         return np.asarray(np.maximum(flat, FAINTEST * np.median(flat)))
+
+    @property
+    def is_bright(self) -> BoolArray:
+        """Whether the untouched light of each pair (pair,) is not raised."""
+        return np.asarray(self.flux[0, 0, 0].ravel() >= self.untouched)
 
     @property
     def ratio_root(self) -> TensorSpline:

@@ -24,9 +24,9 @@ A frame with a touch has two if they explain it better than one by more than a t
 
     second score = ½ (χ²(best single touch) - χ²(best two touches)) - threshold.
 
-Readings that two touches leave beyond `OUTLIER` deviations count less in both. On simulated single touches, whose light
-is not that of the map, the score is above 0 in fewer than `optopad.sims.learning.together_fit.FALSE_SECONDS` of the
-frames. After the decision the search goes on with the error of the product in the noise; so pairs that both touches
+Readings that two touches leave beyond `OUTLIER` deviations count less in both. On the simulated single touches that set
+the threshold, whose light is not that of the map, the score is above 0 in `together_fit.FALSE_SECONDS` of the frames.
+After the decision the search goes on with the error of the product in the noise; so pairs that both touches
 change count less, and the deviations include this error.
 
 The model leaves out more than two touches, and touches by anything but the tip of the training.
@@ -55,7 +55,7 @@ from optopad.sims.learning.inference.together import Together
 from optopad.sims.learning.inference.touch_model import TouchModel, checked_signals
 
 MOST_STARTS = 600
-"""Largest number of single presses of which two are chosen to start from; the Gram matrix grows with its square."""
+"""About the number of single presses of which two are chosen to start from; the Gram matrix grows with its square."""
 START_DEPTHS = 5
 FAINTEST = 0.03
 """Least ratio of light in logarithms [-]."""
@@ -79,7 +79,8 @@ class Touches:
     second_score : (n,) score of two touches against one [-]; above 0 there are two. Not computed without touch
     press_mm : (n, 2, 3) x, y, depth of each touch, the deeper first; NaN where absent [mm]
     sigma_mm : (n, 2, 3) standard deviations; NaN where absent [mm]
-    force_n : (n, 2) force from the model's force curve, 0 where absent [N]; None if the model has no such curve
+    force_n : (n, 2) force from the model's force curve, 0 where absent [N]; None if the model has no such curve. It is
+        that of each touch alone: the other one adds some per cent
     """
 
     count: IntArray
@@ -255,12 +256,16 @@ class TwoTouchSearch:
             is_double = (second_score > 0.0) & self._apart(two)
         press = np.full((len(signals), 2, 3), np.nan)
         sigma = np.full((len(signals), 2, 3), np.nan)
-        single, double = is_touched & ~is_double, np.flatnonzero(is_double)
+        if is_double.any():
+            found, deviations = self._refined(signals[is_double], two[is_double])
+            kept = self._apart(found.reshape(-1, 6))
+            is_double[is_double] = kept
+            press[is_double], sigma[is_double] = found[kept], deviations[kept]
+        second_score = np.where(is_double, second_score, np.minimum(second_score, 0.0))
+        single = is_touched & ~is_double
         press[single, 0] = one.press_mm[single]
         raw = np.sqrt(np.einsum("nii->ni", one.covariance[single]))
         sigma[single, 0] = model.sigma.sigma_mm(one.press_mm[single, 2], raw)
-        if len(double):
-            press[double], sigma[double] = self._refined(signals[double], two[double])
         return Touches(
             count=is_touched.astype(np.int64) + is_double,
             touch_score=touch_score,
