@@ -6,6 +6,7 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
 
@@ -14,6 +15,7 @@ import pytest
 
 from optopad.design.preset import preset
 from optopad.fabrication.driver.recording.export import read_recorded
+from optopad.fabrication.driver.simulated.board import FakeBoard
 from optopad.fabrication.driver.simulated.finger import NO_FINGER, Finger, FingerPath
 from optopad.fabrication.driver.simulated.port import FakePort, PtyWire
 from optopad.fabrication.driver_config import dump_driver_config
@@ -22,6 +24,7 @@ from optopad.sims.learning.inference.model_file import save_model
 from optopad.sims.readings.dataset import read_data
 from tests.fabrication.driver.made_up_model import made_up_model
 from tests.fabrication.driver.made_up_pad import board, untouched
+from tests.fabrication.driver.two_finger_pad import board_of, two_touch_model
 
 ROOT = Path(__file__).parents[2]
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(os.name != "posix", reason="needs pseudo-terminals")]
@@ -46,10 +49,16 @@ def program(word: str) -> str:
     return found
 
 
-def run(program: str, folder: Path, path: Finger = NO_FINGER, stage: FakePort | None = None) -> str:
+def run(
+    program: str,
+    folder: Path,
+    path: Finger = NO_FINGER,
+    stage: FakePort | None = None,
+    made: Callable[[Finger], FakeBoard] = board,
+) -> str:
     (folder / "program.py").write_text(program, encoding="utf-8")
     here = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), str(folder)])}
-    with FakePort(board(path), PtyWire(folder / "pad")), stage or nullcontext():
+    with FakePort(made(path), PtyWire(folder / "pad")), stage or nullcontext():
         done = subprocess.run(
             [sys.executable, "program.py"],
             cwd=folder,
@@ -87,6 +96,17 @@ def test_the_program_that_reads_touches_prints_them(folder: Path) -> None:
     assert len(lines) > 20
     x_mm, y_mm = map(float, re.findall(r"[\d.]+", lines[-1])[:2])
     assert (x_mm, y_mm) == pytest.approx((12.0, 18.0), abs=1.5)  # a small model
+
+
+def test_the_program_that_reads_two_touches_prints_a_line_for_each(folder: Path) -> None:
+    save_model(folder / "two.optomodel", two_touch_model())
+    press = np.array(
+        [[[11.0, 16.0, -5.0], [21.0, 18.0, -5.0]]] * 2 + [[[11.0, 16.0, 2.0], [21.0, 18.0, 1.0]]] * 2
+    )
+    fingers = FingerPath(time_s=np.array([0.0, 2.0, 2.1, 100.0]), press_mm=press)
+    lines = run(program("touches=2"), folder, fingers, made=board_of).splitlines()
+    assert len(lines) > 20
+    assert {line.split()[0] for line in lines[-10:]} == {"1", "2"}
 
 
 def test_the_program_that_collects_presses_leaves_a_data_set(folder: Path) -> None:

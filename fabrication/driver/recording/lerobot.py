@@ -474,7 +474,7 @@ def _steps(
         signals = signals_of(counts[a:b].astype(np.float64))
         columns[SIGNALS][k] = gathered(signals.reshape(b - a, -1), take, rows)
     if (labels := recorded.labels) is not None:
-        each = [labels.press_mm, *np.moveaxis(labels.others_mm, 1, 0)]
+        each = [labels.press_mm, *np.moveaxis(np.nan_to_num(labels.others_mm), 1, 0)]
         columns[PRESS] = np.concatenate(each, axis=1)[part][ends - 1].astype(np.float32)
     return columns, int(is_empty.sum())
 

@@ -10,6 +10,8 @@ and so is the radius of each contact. So near each tip the top is that of the li
 the force on a tip is the library's for it alone times the ratio of its linear forces with and without the other. With
 one tip, the top is the library's. On crowned tops the linear answer is taken as it is.
 
+A tip that is too shallow to reach more than a node of the grid, some micrometres, leaves the top of the other one.
+
 The model leaves out friction, and that the corrections of both tips may depend on each other.
 """
 
@@ -19,6 +21,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.ndimage import distance_transform_edt
 
 from optopad.design.arrays import FloatArray, IntArray
 from optopad.design.draft import Draft
@@ -111,12 +114,18 @@ def _pressed(contact: Contact, tips: FloatArray) -> TipsPress:
     pad = pad_at(contact, _frame_at(contact.draft, tips))
     if len(tips) > 1:
         _require_depth(contact, tips)
-    overlaps = [_overlap(pad, contact, tip) for tip in tips]
     is_flat = contact.draft.plan.top.is_flat
     surfaces = list(pad_surfaces(contact, tips)) if is_flat else []
+    library_n = np.array([one.near.force_n for one in surfaces] if is_flat else [0.0] * len(tips))
+    overlaps = [_overlap(pad, contact, tip) for tip in tips]
     if is_flat and len(tips) == 1:
-        alone_n = np.array([surfaces[0].near.force_n])
-        return TipsPress(top=_library_top(pad, surfaces[0], overlaps[0]), force_n=alone_n, alone_n=alone_n)
+        return TipsPress(
+            top=_library_top(pad, surfaces[0], overlaps[0]), force_n=library_n, alone_n=library_n
+        )
+    is_seen = tips[:, 2] >= pad.step_mm**2 / contact.tip_radius_mm
+    if not is_seen.all():  # it reaches one node or none, and changes less than the grid resolves
+        top = _pressed(contact, tips[is_seen]).top if is_seen.any() else _untouched(pad)
+        return TipsPress(top=top, force_n=library_n, alone_n=library_n)
     alone = [_linear(pad, one, float(tip[2])) for one, tip in zip(overlaps, tips, strict=True)]
     alone_n = np.array([one.force_n for one in alone])
     if len(tips) == 1:
@@ -125,12 +134,16 @@ def _pressed(contact: Contact, tips: FloatArray) -> TipsPress:
     force_n = np.array([both.pressure_mpa[nearest == k].sum() * pad.step_mm**2 for k in range(len(tips))])
     if not is_flat:
         return TipsPress(top=both.top, force_n=force_n, alone_n=alone_n)
-    library_n = np.array([one.near.force_n for one in surfaces])
     return TipsPress(
         top=_corrected(pad, both, alone, overlaps, nearest, surfaces),
         force_n=force_n * library_n / alone_n,
         alone_n=library_n,
     )
+
+
+def _untouched(pad: Pad) -> GridTop:
+    zero = np.zeros(pad.inside.shape)
+    return GridTop(at_mm=pad.at_mm, x_mm=pad.x_mm, y_mm=pad.y_mm, height_mm=zero, level=zero - pad.step_mm)
 
 
 def deepest_mm(contact: Contact, at_mm: Place | None = None) -> float:
@@ -215,7 +228,17 @@ def _corrected(
         free += _library_top(pad, surface, overlap).height_mm - linear.top.height_mm
         wider.append(surface.near.contact_radius_mm - math.sqrt(linear.area_mm2 / math.pi))
     overlap = np.minimum(*overlaps)
-    level = np.clip(both.top.level + np.array(wider)[nearest], -pad.step_mm, pad.step_mm)
-    level = np.where(np.isfinite(overlap), level, -pad.step_mm)
+    level = _unlimited(both.top.level, pad.step_mm) + np.array(wider)[nearest]
+    level = np.where(np.isfinite(overlap), np.clip(level, -pad.step_mm, pad.step_mm), -pad.step_mm)
     height = np.where(level > 0.0, overlap, np.minimum(free, overlap))
     return replace(both.top, height_mm=height, level=level)
+
+
+def _unlimited(level: FloatArray, step: float) -> FloatArray:
+    """Distance (nx, ny) from the edge of the contact, positive inside, from that which is limited to the step [mm]."""
+    is_inside, found = level > 0.0, level.copy()
+    for side, sign in ((is_inside, 1.0), (~is_inside, -1.0)):
+        away, nearest = distance_transform_edt(side, sampling=step, return_indices=True)
+        far = side & (np.abs(level) >= step)
+        found[far] = sign * (away + sign * level[tuple(nearest)])[far]
+    return found

@@ -174,11 +174,14 @@ def test_known_presses_of_two_fingers_have_columns_of_their_own(recording: Path,
     count = len(recorded.sequence)
     one = PressLabels(press_mm=np.tile([10.0, 16.0, 1.0], (count, 1)))
     two = replace(one, others_mm=np.tile([22.0, 16.0, -1.0], (count, 1, 1)))
+    two.others_mm[: count // 3] = np.nan  # as in a stage's log where the second tip is away
     write_lerobot(replace(recorded, labels=two), folder, fps=20)
     info, stats = (json.loads((folder / "meta" / f"{name}.json").read_text()) for name in ("info", "stats"))
     assert info["features"][PRESS]["shape"] == [6]
     assert info["features"][PRESS]["names"][2:4] == ["depth_mm", "x2_mm"]
-    assert stats[PRESS]["mean"] == [10.0, 16.0, 1.0, 22.0, 16.0, -1.0]
+    assert stats[PRESS]["min"] == [10.0, 16.0, 1.0, 0.0, 0.0, -1.0]
+    assert stats[PRESS]["max"] == [10.0, 16.0, 1.0, 22.0, 16.0, 0.0]
+    assert np.isfinite(stats[PRESS]["mean"]).all()
     with pytest.raises(InputError, match="known presses of 1 at a time, and the episodes before of 2"):
         write_episodes(
             [Source(recorded=replace(recorded, labels=each)) for each in (two, one)],

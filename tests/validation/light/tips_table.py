@@ -45,13 +45,16 @@ STATES: dict[str, tuple[tuple[Tip, Tip], ...]] = {
 }
 """x, y, depth of both tips [mm]; on the paper's pad 2 to 6 tip radii apart, the last two near walls."""
 ACCURACY = "standard"
-RAYS, BATCHES = 100_000, 2
+RAYS = 100_000
+"""Rays of each emitter in a batch."""
+BATCHES = {"piacenza2017-pad": 4, "levi2013-disc": 3, "crowned-40x25": 4, "gripper-stadium": 4}
 
 
-def rows(name: str, rays: int = RAYS, count: int = BATCHES) -> Iterator[list[str]]:
+def rows(name: str) -> Iterator[list[str]]:
     """A row for each pair of tips on a pad."""
     draft = Draft.of(preset(name))
     scene, radius = scene_of(draft.design), draft.design.indenter.tip_radius_mm
+    rays, count = RAYS, BATCHES[name]
     tips = np.array([((0.0, 0.0, 0.0),) * 2, *STATES[name]])
     made = tops_of_tips(draft, scene, tips).made
     tops = [made(state) for state in range(len(tips))]

@@ -10,7 +10,7 @@ import pytest
 from optopad.design.arrays import FloatArray
 from optopad.design.errors import InputError, ModelScopeError
 from optopad.design.preset import preset
-from optopad.sims.contact.held import layer
+from optopad.sims.contact.held import layer, tips
 from optopad.sims.contact.held.tips import TipsPress, deepest_mm, pressed_tips
 from optopad.sims.contact.pad_surface import pad_surfaces
 from optopad.sims.contact.scope import contact_of
@@ -102,16 +102,46 @@ def test_on_a_crown_tips_are_pressed_along_their_own_normals():
         assert top.level[i, j] > 0.0
 
 
+@pytest.mark.parametrize("radius", [3.0, 4.0])
+def test_each_contact_grows_from_the_library_s_as_the_linear_one_does(radius: float):
+    """Also where the linear layer's contact is narrower by more than a step of the grid."""
+    pad = contact_of(
+        preset("piacenza2017-pad").with_(
+            **{"indenter.tip_radius_mm": radius, "cavity.clear_thickness_mm": 2.7 * radius}
+        )
+    )
+    at = np.array([[9.5, 16.0, 0.9 * radius], [22.5, 16.0, 0.9 * radius]])
+    top, on = pressed_tips(pad, at).top, tips.pad_at(pad, pad.draft.plan.centre_mm)
+    overlaps = [tips._overlap(on, pad, one) for one in at]
+    alone, both = (
+        sum(tips._linear(on, one, 0.9 * radius).area_mm2 for one in of)
+        for of in (overlaps, [np.minimum(*overlaps)])
+    )
+    library = sum(np.pi * one.near.contact_radius_mm**2 for one in pad_surfaces(pad, at))
+    share = np.clip(0.5 + top.level / on.step_mm, 0.0, 1.0)
+    assert share.sum() * on.step_mm**2 == pytest.approx(library * both / alone, rel=0.01)
+
+
+def test_a_tip_of_some_micrometres_leaves_the_other_one_s_top():
+    barely = np.array([[10.03, 16.04, 1.0], [20.07, 16.06, 0.002]])
+    found = pressed_tips(PAD, barely)
+    np.testing.assert_array_equal(heights(found), heights(pressed_tips(PAD, barely[:1])))
+    assert 0.0 < found.force_n[1] < 1e-3
+    crown = pressed_tips(DOME, np.array([[11.0, 11.0, 1e-4]]))
+    assert not heights(crown).any()
+    assert (crown.top.level < 0.0).all()
+
+
 def test_what_is_not_covered_is_refused_with_the_way_out():
     deep = deepest_mm(PAD)
-    for tips, kind, words in (
+    for at, kind, words in (
         ([[12.0, 16.0, 1.0], [17.9, 16.0, 1.0]], ModelScopeError, "overlap.*5.9.*6 mm"),
         ([[8.0, 8.0, 1.0], [16.0, 16.0, 1.0], [24.0, 24.0, 1.0]], InputError, "3 at once"),
         ([[10.0, 16.0, deep + 0.01], [22.0, 16.0, 1.0]], ModelScopeError, "deeper"),
         ([[10.0, 16.0, 0.0]], InputError, "none"),
     ):
         with pytest.raises(kind, match=words):
-            pressed_tips(PAD, np.array(tips))
+            pressed_tips(PAD, np.array(at))
     flat = contact_of(preset("piacenza2017-pad").with_(**{"indenter.shape": "flat_punch"}))
     with pytest.raises(ModelScopeError, match=r"indenter\.shape"):
         pressed_tips(flat, TWO)
