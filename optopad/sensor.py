@@ -195,7 +195,7 @@ def _mapped_table(
     known = traced_map(
         design, pitch_mm=QUICK_PITCH_MM, depth_nodes=QUICK_DEPTH_NODES, seed=seed, on_step=on_step
     )
-    untouched = known.untouched.reshape(known.flux.shape[3:]) * gains_of(config)
+    untouched = (known.untouched * known.is_bright).reshape(known.flux.shape[3:]) * gains_of(config)
     return config, SplineTable(untouched=untouched, ratio_root=known.ratio_root)
 
 

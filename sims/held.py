@@ -179,11 +179,11 @@ def require_asked(draft: Draft, asked: AskedPress) -> None:
             require_way(draft, (x, y), np.array([asked.shear_mm]))
 
 
-def require_traced(draft: Draft) -> None:
-    """Refuse a pad whose light on grids is not modelled."""
+def require_traced(draft: Draft, what: str = "objects") -> None:
+    """Refuse a pad whose light on grids is not modelled; `what` presses it, for the message."""
     if draft.wall_index is not None:
         raise ModelScopeError(
-            "objects: light between smooth walls is traced under the design's tip alone; set surfaces.wall_finish = "
+            f"{what}: light between smooth walls is traced under the design's tip alone; set surfaces.wall_finish = "
             "'diffuse'"
         )
 

@@ -143,7 +143,7 @@ def require_touches(draft: Draft) -> None:
     ------
     ModelScopeError : the light on grids is not modelled, tips are no hemispheres, or two have no room.
     """
-    require_traced(draft)
+    require_traced(draft, "touches")
     _states(draft)
 
 

@@ -23,16 +23,23 @@ from typing import Any
 
 import numpy as np
 
-from optopad.design.arrays import FloatArray
+from optopad.design.arrays import BoolArray, FloatArray
 from optopad.design.draft import Draft
-from optopad.design.errors import InputError
-from optopad.design.progress import OnStep
+from optopad.design.errors import InputError, ModelScopeError
+from optopad.design.progress import OnStep, silent
 from optopad.design.recordings import signals_of
 from optopad.sims import touches_score
 from optopad.sims.contact.held.tips import MOST_TIPS, deepest_mm
 from optopad.sims.contact.scope import contact_of
+from optopad.sims.learning.inference.signal_map import FRAMES_AT_ONCE
 from optopad.sims.learning.inference.touch_model import TouchModel
-from optopad.sims.learning.inference.two_touches import Touches, found_touches, require_one_or_two
+from optopad.sims.learning.inference.two_touches import (
+    Touches,
+    found_touches,
+    joined_touches,
+    require_one_or_two,
+    require_two_touches,
+)
 from optopad.sims.learning.together_fit import matched_to
 from optopad.sims.optics.tracing import trace
 from optopad.sims.readings.press_data import PressData
@@ -43,9 +50,8 @@ from optopad.sims.touches import changes_together
 LEAST_MM = 0.5
 """Least depth of a touch in the tables [mm]."""
 ROWS_RADII = (2.0, 2.5, 3.0, 4.0, 6.0, np.inf)
-"""Limits of the tables' rows: distances between the touches over the tip radius [-]."""
-USUAL_RADIUS_MM = 3.0
-"""Radius that is taken if the design is not known [mm]."""
+"""Limits of the tables' rows: distances between the touches over the tip radius [-]. The first row has nearer ones as
+well: tips of unequal depth need a little less in the plane than two radii."""
 STATES, QUICK_STATES = (100, 40), (40, 8)
 """Simulated single touches, and pairs of these in each row."""
 DRAWS = 3
@@ -65,6 +71,16 @@ def require_touches(touches: int, draft: Draft | None = None) -> None:
     require_one_or_two(touches)
     if touches == MOST_TIPS and draft is not None:
         touches_score.require_touches(draft)
+
+
+def require_deep(draft: Draft) -> None:
+    """Refuse a pad whose touches are all too light to be judged; raises `ModelScopeError`."""
+    deepest = min(draft.design.operating.max_depth_mm, deepest_mm(contact_of(draft.design)))
+    if deepest < 2.0 * LEAST_MM:
+        raise ModelScopeError(
+            f"touches: two are judged from {LEAST_MM:g} mm deep, and are modelled to {deepest:.2g} mm on this pad; "
+            f"needs {2.0 * LEAST_MM:g} mm: raise operating.max_depth_mm, or take a thicker layer or a larger tip"
+        )
 
 
 def knows_two(model: TouchModel) -> bool:
@@ -145,7 +161,7 @@ def _spread_json(spread: tuple[float, float] | None) -> dict[str, float] | None:
 
 
 def two_touch_errors(
-    learner: str, found: Touches, touches_mm: FloatArray, radius_mm: float = USUAL_RADIUS_MM
+    learner: str, found: Touches, touches_mm: FloatArray, radius_mm: float
 ) -> TwoTouchErrors:
     """Compare what a model reports with the true touches.
 
@@ -155,7 +171,7 @@ def two_touch_errors(
     touches_mm : (n, 2, 3) x, y, depth of the true touches [mm]; one with a depth of 0 or less, or NaN, is absent
     """
     is_touch = touches_mm[..., 2] > 0.0
-    is_judged = (~is_touch | (touches_mm[..., 2] >= LEAST_MM)).all(axis=1)
+    is_judged = _is_judged(touches_mm)
     single, pair = (np.flatnonzero(is_judged & (is_touch.sum(axis=1) == count)) for count in (1, 2))
     rows = []
     apart_mm = np.hypot(*(touches_mm[pair, 0] - touches_mm[pair, 1])[:, :2].T)
@@ -163,7 +179,6 @@ def two_touch_errors(
     location_mm, depth_mm = np.hypot(off[..., 0], off[..., 1]), np.abs(off[..., 2])
     is_found = found.count[pair] == MOST_TIPS
     for low, high in pairwise(ROWS_RADII):
-        # tips of unequal depth may be a little nearer in the plane than two radii
         least = 0.0 if low == ROWS_RADII[0] else low * radius_mm
         within = (apart_mm >= least) & (apart_mm < high * radius_mm)
         if within.any():
@@ -194,13 +209,17 @@ def _spread(errors_mm: FloatArray) -> tuple[float, float] | None:
     return float(np.median(errors_mm)), float(np.percentile(errors_mm, 95.0))
 
 
-def errors_on_data(learner: str, model: TouchModel, data: PressData, draft: Draft | None) -> TwoTouchErrors:
-    """Errors of a model of two touches on frames of a data set.
+def errors_on_data(
+    learner: str, model: TouchModel, data: PressData, on_step: OnStep = silent
+) -> TwoTouchErrors:
+    """Errors of a model of two touches on frames of a data set; the rows are in radii of the model's tip.
 
     Raises
     ------
-    InputError : more than two tips touch in a frame.
+    InputError : more than two tips touch in a frame, or the model knows one touch.
     """
+    together = require_two_touches(model).together
+    assert together is not None
     if (many := data.touch_count > MOST_TIPS).any():
         raise InputError(
             f"data: {many.sum()} of {len(many)} frames have {data.touch_count.max()} touches, first in sample "
@@ -212,9 +231,18 @@ def errors_on_data(learner: str, model: TouchModel, data: PressData, draft: Draf
     touches_mm = np.take_along_axis(tips, first[..., None], axis=1)
     if touches_mm.shape[1] < MOST_TIPS:
         touches_mm = np.pad(touches_mm, ((0, 0), (0, 1), (0, 0)), constant_values=np.nan)
-    found = found_touches(model, data.features().astype(np.float64))
-    radius_mm = USUAL_RADIUS_MM if draft is None else draft.design.indenter.tip_radius_mm
-    return two_touch_errors(learner, found, touches_mm, radius_mm)
+    judged = np.flatnonzero(_is_judged(touches_mm) & (touches_mm[..., 2] > 0.0).any(axis=1))
+    signals, parts = data.features().astype(np.float64)[judged], []
+    for start in range(0, max(len(judged), 1), FRAMES_AT_ONCE):
+        parts.append(found_touches(model, signals[start : start + FRAMES_AT_ONCE]))
+        on_step("evaluation of two touches", min(start + FRAMES_AT_ONCE, len(judged)) / max(len(judged), 1))
+    return two_touch_errors(learner, joined_touches(parts), touches_mm[judged], together.radius_mm)
+
+
+def _is_judged(touches_mm: FloatArray) -> BoolArray:
+    """Whether no touch of a frame (n, 2, 3) is so light that it may not be found alone."""
+    is_light = (touches_mm[..., 2] > 0.0) & (touches_mm[..., 2] < LEAST_MM)
+    return np.asarray(~is_light.any(axis=1))
 
 
 def predicted_errors(

@@ -103,7 +103,7 @@ class Tracks:
             if (missing_s := time_s - track.seen_s) <= lost_s
             or (len(place_mm) and missing_s < MERGED_S and place[2] > LIFTED_MM)
         }
-        weight = 1.0 / (np.nan_to_num(sigma_mm) ** 2 + LEAST_SIGMA_MM**2)
+        weight = 1.0 / (np.nan_to_num(sigma_mm, posinf=REACH_MM) ** 2 + LEAST_SIGMA_MM**2)
         found = self._assigned(time_s, place_mm, weight, expected, lost_s)
         for k, track in enumerate(found):
             if track is None:

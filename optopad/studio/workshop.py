@@ -445,7 +445,7 @@ class Workshop:
         from optopad.sims.contact.indentation import round_press
         from optopad.sims.contact.scope import contact_of
 
-        require_traced(draft)
+        require_traced(draft, "touches")
         require_apart(draft, tips_mm)
         if not (tips_mm[:, 2] > 0.0).any():
             return None

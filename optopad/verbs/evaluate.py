@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 
 from optopad.cli.verb import named, require_folder, typed, verb
 from optopad.design.arrays import FloatArray
-from optopad.design.draft import Draft
 from optopad.design.errors import InputError
 from optopad.design.file_sets import written_together
 from optopad.design.io import write_text_atomically
@@ -32,7 +31,6 @@ from optopad.sims.plots.accuracy import plot_arrows, plot_depths, plot_errors, p
 from optopad.sims.plots.files import write_plot
 from optopad.sims.plots.style import plain_style
 from optopad.sims.readings.dataset import read_data, require_design
-from optopad.sims.readings.label_checks import known_design
 from optopad.sims.readings.press_data import PressData, data_notes, left_out_note
 from optopad.sims.two_touch_errors import errors_on_data, knows_two
 from optopad.work import as_netcdf, read_design
@@ -109,11 +107,8 @@ def _evaluated(
         for name, model in by_name.items()
         for accuracy in accuracies(model, single, workspace, on_step=on_step, learner=name)
     )
-    known = known_design(design, data.design_digest)
     touches = tuple(
-        errors_on_data(name, model, tested, None if known is None else Draft.of(known))
-        for name, model in by_name.items()
-        if knows_two(model)
+        errors_on_data(name, model, tested, on_step) for name, model in by_name.items() if knows_two(model)
     )
     notes += _left_out(by_name, tested)
     return (

@@ -37,7 +37,7 @@ from optopad.sims.learning.tables import ERROR_DEPTHS_MM, published_touch
 from optopad.sims.readings.press_data import clipped_note
 from optopad.sims.readings.protocol import ProtocolCurves, draw, protocol_curves
 from optopad.sims.readings.signal_chain import chain_of
-from optopad.sims.two_touch_errors import LEAST_MM, predicted_errors, require_touches
+from optopad.sims.two_touch_errors import LEAST_MM, predicted_errors, require_deep, require_touches
 from optopad.verbs.evaluate import accuracies, write_accuracy
 from optopad.work import OUT
 
@@ -119,6 +119,8 @@ def predict(
     effort, step = FULL if full else QUICK if quick else USUAL, on_step or silent
     require_valid(design)
     require_touches(touches, Draft.of(design))
+    if touches > 1:
+        require_deep(Draft.of(design))
     chosen = _known(learners or effort.learners)
     if touches > 1 and SIGNAL_MAP not in chosen:
         chosen = (*chosen, SIGNAL_MAP)

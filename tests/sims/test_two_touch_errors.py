@@ -122,7 +122,7 @@ def test_a_model_of_two_finds_touches_far_apart_in_data() -> None:
     model = of_two()
     assert knows_two(model)
     assert not knows_two(made_up_map_model())
-    made = errors_on_data("signal-map", model, data_of(np.stack([first, other], axis=1)), None)
+    made = errors_on_data("signal-map", model, data_of(np.stack([first, other], axis=1)))
     assert sum(row.frames for row in made.rows) == 20
     for row in made.rows:
         assert row.found == 1.0
@@ -131,7 +131,7 @@ def test_a_model_of_two_finds_touches_far_apart_in_data() -> None:
     assert made.single_frames == 20
     assert made.called is not None
     assert made.called[1] >= 0.95
-    alone = errors_on_data("signal-map", model, data_of(first[:, None]), None)
+    alone = errors_on_data("signal-map", model, data_of(first[:, None]))
     assert (alone.rows, alone.single_frames) == ((), 30)
 
 
@@ -141,7 +141,7 @@ def test_three_touches_are_refused() -> None:
     with pytest.raises(
         InputError, match=pattern("7 of 12 frames have 3 touches, first in sample 6 ... one or two")
     ):
-        errors_on_data("signal-map", of_two(), data_of(three), None)
+        errors_on_data("signal-map", of_two(), data_of(three))
     with pytest.raises(InputError, match="touches: 3 is refused; the models know one or two"):
         require_touches(3)
 

@@ -311,6 +311,8 @@ def _others(table: CsvTable) -> FloatArray | None:
             f"{table.file}: has {', '.join(has)} alone; a second tip has x2_mm, y2_mm and depth2_mm: add the others"
         )
     without = [k for k, row in enumerate(table.records()) if not any(row[name] for name in has)]
+    if len(without) == len(table.rows):
+        return None
     found = np.full((len(table.rows), 1, 3), np.nan)
     rows = table.without(without)
     found[np.setdiff1d(np.arange(len(found)), without), 0] = np.stack(

@@ -67,11 +67,12 @@ class FingerPath:
         return found.reshape(*within.shape, *self.press_mm.shape[1:])
 
     def nearest_mm(self) -> FloatArray:
-        """(n - 1,) least distance of the two tips' centres from each point to the next [mm].
+        """(n - 1,) least distance of the two tips' centres from each point to the next [mm]; (1,) of a single point.
 
         It is infinite where they do not touch both at a time. Depth is taken along z, as on a flat top.
         """
-        tips = self.press_mm.reshape(len(self.press_mm), -1, 3)
+        points = self.press_mm if len(self.press_mm) > 1 else self.press_mm.repeat(2, axis=0)
+        tips = points.reshape(len(points), -1, 3)
         if self.fingers != 2:
             return np.full(len(tips) - 1, np.inf)
         depth, slope = tips[:-1, :, 2], np.diff(tips[..., 2], axis=0)

@@ -34,8 +34,10 @@ The model leaves out more than two touches, and touches by anything but the tip 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -126,17 +128,20 @@ def found_touches(model: TouchModel, signals: FloatArray) -> Touches:
         search.touches(signals[first : first + FRAMES_AT_ONCE])
         for first in range(0, max(len(signals), 1), FRAMES_AT_ONCE)
     ]
-    joined = {
-        name: np.concatenate([getattr(one, name) for one in parts])
-        for name in ("count", "touch_score", "second_score", "press_mm", "sigma_mm")
-    }
-    curve = known.header.force_curve
-    force = None
-    if curve is not None:
-        force = np.where(
-            np.isnan(joined["press_mm"][..., 2]), 0.0, curve.at(np.nan_to_num(joined["press_mm"][..., 2]))
-        )
-    return Touches(**joined, force_n=force)
+    found, curve = joined_touches(parts), known.header.force_curve
+    if curve is None:
+        return found
+    depth_mm = found.press_mm[..., 2]
+    return replace(found, force_n=np.where(np.isnan(depth_mm), 0.0, curve.at(np.nan_to_num(depth_mm))))
+
+
+def joined_touches(parts: Sequence[Touches]) -> Touches:
+    """The touches of several groups of frames, one group after another."""
+    joined: dict[str, Any] = {}
+    for one in fields(Touches):
+        column = [getattr(part, one.name) for part in parts]
+        joined[one.name] = None if column[0] is None else np.concatenate(column)
+    return Touches(**joined)
 
 
 def search_of(model: SignalMapModel) -> TwoTouchSearch:
