@@ -443,6 +443,7 @@ def found_presses(
     signals: FloatArray,
     untouched: FloatArray,
     seen: Whitening,
+    outlier: float = OUTLIER,
 ) -> Found:
     """Find the press that best explains each frame.
 
@@ -454,6 +455,7 @@ def found_presses(
     signals : (n, pair) measured frames [counts]
     untouched : (pair,) signals without a press [counts]
     seen : inverse covariance of the frames
+    outlier : residual of a pair, in its own standard deviations, above which its weight is reduced [-]
     """
     count = len(signals)
     starts = table.starts(signals, seen)
@@ -466,9 +468,9 @@ def found_presses(
     place = found.of(pick)
     own = seen.own_deviations(signals - answers(place.press)[0])
     untouched_square = seen.square(signals - untouched)
-    wild = np.flatnonzero((np.abs(own) > OUTLIER).any(axis=1))
+    wild = np.flatnonzero((np.abs(own) > outlier).any(axis=1))
     if len(wild):
-        softened = seen.of(wild).softened(own[wild], OUTLIER)
+        softened = seen.of(wild).softened(own[wild], outlier)
         again = _Search(answers, box, signals[wild], softened).descend(place.press[wild], AFTER_STEPS)
         place = place.replaced(wild, again)
         untouched_square[wild] = softened.square(signals[wild] - untouched)

@@ -283,11 +283,11 @@ class TwoTouchSearch:
     def _compared(self, signals: FloatArray, one: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The best two touches (n, 6) of frames, and their second score (n,), from the best single touch (n, 3)."""
         model, seen = self.single, self._seen(signals)
-        two = self._search(signals, seen, self.starts(signals, one)).press_mm
+        two = self._search(signals, seen, self.starts(signals, one), np.inf).press_mm
         mean = self.answers(two)[0][:, :-1]
         fair = seen.softened(seen.own_deviations(signals - mean), OUTLIER)
         alone = found_presses(
-            model.answers, _Starts(chosen=one[:, None]), model.box, signals, self._untouched, fair
+            model.answers, _Starts(chosen=one[:, None]), model.box, signals, self._untouched, fair, np.inf
         ).press_mm
         gain = fair.square(signals - model.answers(alone)[0]) - fair.square(signals - mean)
         return two, 0.5 * gain - self.together.threshold
@@ -305,7 +305,9 @@ class TwoTouchSearch:
     def _untouched(self) -> FloatArray:
         return np.minimum(self.single.full_counts, self.single.noise.clip_counts)
 
-    def _search(self, signals: FloatArray, seen: Whitening, starts: FloatArray) -> Found:
+    def _search(
+        self, signals: FloatArray, seen: Whitening, starts: FloatArray, outlier: float = OUTLIER
+    ) -> Found:
         """The best two touches, from starts (n, start, 6)."""
         return found_presses(
             self.answers,
@@ -314,6 +316,7 @@ class TwoTouchSearch:
             _with_zero(signals),
             _with_zero(self._untouched),
             _padded(seen),
+            outlier,
         )
 
     def _apart(self, press: FloatArray) -> BoolArray:
