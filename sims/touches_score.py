@@ -107,11 +107,12 @@ class TouchesScore:
     depth_times: FloatArray
 
     @property
-    def two_point_mm(self) -> dict[str, float | None]:
-        """Median and worst least separation [mm]; None for those that are not told apart at any."""
-        known = self.least_mm[~np.isnan(self.least_mm)]
-        values = {"median": float(np.median(known)), "worst": float(known.max())}
-        return {name: value if np.isfinite(value) else None for name, value in values.items()}
+    def two_point_mm(self) -> dict[str, Any]:
+        """Median and worst least separation [mm], at all depths and by depth; None where there is none."""
+        each = [
+            {"depth_mm": float(one)} | _middle(self.least_mm[..., k]) for k, one in enumerate(self.depth_mm)
+        ]
+        return _middle(self.least_mm) | {"by_depth": each}
 
     def to_json(self) -> dict[str, Any]:
         """The figures as plain data for JSON: None where there is no room; "never" is the least separation of never."""
@@ -128,6 +129,12 @@ class TouchesScore:
             "is_open": self.is_open.tolist(),
             **{name: _plain(getattr(self, name)) for name in arrays},
         }
+
+
+def _middle(values: FloatArray) -> dict[str, float | None]:
+    known = values[~np.isnan(values)]
+    found = {"median": float(np.median(known)), "worst": float(known.max())}
+    return {name: one if np.isfinite(one) else None for name, one in found.items()}
 
 
 def _plain(values: FloatArray) -> Any:

@@ -76,7 +76,8 @@ def test_one_pair_cannot_tell_two_touches_from_one(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(touches_score, "MOST_CLASSES", 4)  # few locations
     found = scored(replace(whole, flux=whole.flux[..., :1, 4:5]), monkeypatch)
     assert np.isinf(found.least_mm).all()
-    assert found.two_point_mm == {"median": None, "worst": None}
+    assert all(one["median"] is one["worst"] is None for one in found.two_point_mm["by_depth"])
+    assert found.two_point_mm["median"] is found.two_point_mm["worst"] is None
     assert np.isinf(found.location_mm).all()
 
 
