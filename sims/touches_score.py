@@ -109,13 +109,13 @@ class TouchesScore:
     @property
     def two_point_mm(self) -> dict[str, Any]:
         """Median and worst least separation [mm], at all depths and by depth; None where there is none."""
-        each = [
-            {"depth_mm": float(one)} | _middle(self.least_mm[..., k]) for k, one in enumerate(self.depth_mm)
-        ]
-        return _middle(self.least_mm) | {"by_depth": each}
+        each: list[dict[str, Any]] = []
+        for number, depth_mm in enumerate(self.depth_mm):
+            each.append({"depth_mm": float(depth_mm), **_middle(self.least_mm[..., number])})
+        return {**_middle(self.least_mm), "by_depth": each}
 
     def to_json(self) -> dict[str, Any]:
-        """The figures as plain data for JSON: None where there is no room; "never" is the least separation of never."""
+        """The figures as plain data for JSON: None where there is no room for two tips, and for what does not exist."""
         arrays = ("distance", "location_mm", "bound_depth_mm", "location_times", "depth_times")
         return {
             "two_point_mm": self.two_point_mm,
