@@ -1,7 +1,7 @@
 """Answering a frame by each learner's model, one frame at a time, numpy alone; and the search and fit of kernel ridge.
 
-Asked for: kernel ridge of 10,000 samples in 2 ms a frame, a signal map of two touches in 10 ms. The times are printed by
-pytest-benchmark.
+Asked for: kernel ridge of 10,000 samples in 2 ms a frame, a signal map of two touches in 10 ms. The times are printed
+by pytest-benchmark.
 """
 
 from __future__ import annotations

@@ -443,7 +443,9 @@ def found_presses(
     signals: FloatArray,
     untouched: FloatArray,
     seen: Whitening,
+    *,
     outlier: float = OUTLIER,
+    steps: int = STEPS,
 ) -> Found:
     """Find the press that best explains each frame.
 
@@ -456,13 +458,14 @@ def found_presses(
     untouched : (pair,) signals without a press [counts]
     seen : inverse covariance of the frames
     outlier : residual of a pair, in its own standard deviations, above which its weight is reduced [-]
+    steps : largest number of steps from each start
     """
     count = len(signals)
     starts = table.starts(signals, seen)
     each = starts.shape[1]
     twice = np.repeat(np.arange(count), each)
     found = _Search(answers, box, signals[twice], seen.of(twice)).descend(
-        starts.reshape(-1, starts.shape[-1]), STEPS
+        starts.reshape(-1, starts.shape[-1]), steps
     )
     pick = np.argmin(found.square.reshape(count, each), axis=1) + each * np.arange(count)
     place = found.of(pick)

@@ -46,6 +46,7 @@ from optopad.design.errors import InputError
 from optopad.sims.learning.inference.signal_map import (
     FRAMES_AT_ONCE,
     OUTLIER,
+    STEPS,
     Box,
     Found,
     SignalMapModel,
@@ -67,7 +68,8 @@ APART_MM = 0.3
 """Standard deviation of the pseudo reading that keeps tips from overlapping [mm]."""
 OTHER_MM = 2.5
 """Least distance of one touch between two starts [mm]."""
-STARTS = 3
+STARTS, FEW_STEPS = 3, 4
+"""Starts of the search, and its largest number of steps from where it has ended before."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -283,11 +285,18 @@ class TwoTouchSearch:
     def _compared(self, signals: FloatArray, one: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The best two touches (n, 6) of frames, and their second score (n,), from the best single touch (n, 3)."""
         model, seen = self.single, self._seen(signals)
-        two = self._search(signals, seen, self.starts(signals, one), np.inf).press_mm
+        two = self._search(signals, seen, self.starts(signals, one), STEPS).press_mm
         mean = self.answers(two)[0][:, :-1]
         fair = seen.softened(seen.own_deviations(signals - mean), OUTLIER)
         alone = found_presses(
-            model.answers, _Starts(chosen=one[:, None]), model.box, signals, self._untouched, fair, np.inf
+            model.answers,
+            _Starts(chosen=one[:, None]),
+            model.box,
+            signals,
+            self._untouched,
+            fair,
+            outlier=np.inf,
+            steps=FEW_STEPS,
         ).press_mm
         gain = fair.square(signals - model.answers(alone)[0]) - fair.square(signals - mean)
         return two, 0.5 * gain - self.together.threshold
@@ -305,9 +314,7 @@ class TwoTouchSearch:
     def _untouched(self) -> FloatArray:
         return np.minimum(self.single.full_counts, self.single.noise.clip_counts)
 
-    def _search(
-        self, signals: FloatArray, seen: Whitening, starts: FloatArray, outlier: float = OUTLIER
-    ) -> Found:
+    def _search(self, signals: FloatArray, seen: Whitening, starts: FloatArray, steps: int) -> Found:
         """The best two touches, from starts (n, start, 6)."""
         return found_presses(
             self.answers,
@@ -316,7 +323,8 @@ class TwoTouchSearch:
             _with_zero(signals),
             _with_zero(self._untouched),
             _padded(seen),
-            outlier,
+            outlier=np.inf,
+            steps=steps,
         )
 
     def _apart(self, press: FloatArray) -> BoolArray:
@@ -329,7 +337,9 @@ class TwoTouchSearch:
         """Presses and deviations (n, 2, 3), the deeper first, with the error of the product in the noise."""
         first, second = (self.single.ratio_root.values(press[:, k : k + 3]) ** 2 for k in (0, 3))
         seen = self._seen(signals, self.together.product_variance(first, second))
-        found = self._search(signals, seen, press[:, None])
+        off = signals - self.answers(press)[0][:, :-1]
+        seen = seen.softened(seen.own_deviations(off), OUTLIER)
+        found = self._search(signals, seen, press[:, None], FEW_STEPS)
         raw = np.sqrt(np.einsum("nii->ni", found.covariance)).reshape(-1, 2, 3)
         both = found.press_mm.reshape(-1, 2, 3)
         sigma = np.stack([self.together.sigma.sigma_mm(both[:, k, 2], raw[:, k]) for k in range(2)], axis=1)
