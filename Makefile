@@ -102,6 +102,7 @@ validate: setup ## the figures of docs/validation, made anew (hours; interrupted
 	$(BIN)/python -m tests.validation.learning.learning_speed
 	$(BIN)/python -m tests.validation.learning.touch_choice
 	$(BIN)/python -m tests.validation.learning.memory_table
+	$(BIN)/python -m tests.validation.learning.two_touches_table
 	$(BIN)/python -m tests.validation.learning.reality_check
 	$(BIN)/python -m tests.validation.learning.true_touch
 	$(BIN)/python -m tests.validation.verdict.heights

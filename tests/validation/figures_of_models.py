@@ -187,6 +187,14 @@ def touches() -> Iterator[Figure]:
     yield made(page, "touches.light.pull.most", max(column(rows, "rms of these")), ".2f")
     sums = [abs(float(row["all: off, error %"].split(",")[0])) for row in rows]
     yield made(page, "touches.light.all", max(sums), ".1f")
+    found, single = "two found %", "called one %"
+    rows = {(row["preset"], row["depth mm"]): row for row in table(page, "preset", found)}
+    deep = [row for (name, depth), row in rows.items() if name == pad and number(depth) >= 0.3]
+    yield made(page, "touches.found", min(column(deep, found)), ".1f")
+    yield made(page, "touches.single", min(column(deep, single)), ".1f")
+    yield made(page, "touches.found.light", number(rows[pad, "0.1"][found]), ".0f")
+    yield made(page, "touches.found.gripper", number(rows["gripper-teensy", "0.5"][found]), ".0f")
+    yield made(page, "touches.found.gripper.deep", number(rows["gripper-teensy", "1"][found]), ".0f")
 
 
 def light() -> Iterator[Figure]:

@@ -24,11 +24,11 @@ A frame with a touch has two if they explain it better than one by more than a t
 
     second score = ½ (χ²(best single touch) - χ²(best two touches)) - threshold.
 
-The single touch is searched from the best one that the map has found, and from each of the two, so that no other minimum
-of the single one passes for a second touch. Readings that two touches leave beyond `OUTLIER` deviations count less in
-both. On the simulated single touches that set the threshold, whose light is not that of the map, the score is above 0
-in `together_fit.FALSE_SECONDS` of the frames. After the decision the search goes on with the error of the product in
-the noise; so pairs that both touches change count less, and the deviations include this error.
+The single touch is searched from the best one that the map has found, and from each of the two, so that no other
+minimum of the single one passes for a second touch. Readings that two touches leave beyond `OUTLIER` deviations count
+less in both. On the simulated single touches that set the threshold, whose light is not that of the map, the score is
+above 0 in `together_fit.FALSE_SECONDS` of the frames. After the decision the search goes on with the error of the
+product in the noise; so pairs that both touches change count less, and the deviations include this error.
 
 The model leaves out more than two touches, and touches by anything but the tip of the training.
 """
