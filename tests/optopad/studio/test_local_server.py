@@ -239,7 +239,7 @@ def test_a_right_message_of_every_kind_is_taken(page: Page, said: Said) -> None:
         for phase in ("update", "end"):
             sent(line, "SceneNodeDragMessage", messages["SceneNodeDragMessage"] | {"phase": phase})
         heard(page, line)
-    assert page._todo.keys() >= {"move E1", "tip"}
+    assert page._todo.keys() >= {"move E1", "/tip"}
     done(page)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -179,8 +180,10 @@ def test_a_force_in_grams_is_refused_before_the_light_is_fitted(
 ) -> None:
     log = read_force_log(files[1])
     grams = write_log(tmp_path / "grams.csv", log.time_s, log.force_n / 9.80665e-3)
-    for name in ("read_data", "require_design", "data_notes"):
-        monkeypatch.setattr(calibration, name, lambda *_, **__: ())
+    data = SimpleNamespace(has_more=np.zeros(0, np.bool_))
+    data.of_one_tip = lambda: data
+    for name, made in (("read_data", data), ("require_design", ()), ("data_notes", ())):
+        monkeypatch.setattr(calibration, name, lambda *_, made=made, **__: made)
     monkeypatch.setattr(calibration, "calibrated", lambda *_, **__: pytest.fail("the light was fitted"))
     with pytest.raises(InputError, match=r"81\.\d MPa, is 81\.\d times the design's.* is the force in grams"):
         calibration.fitted(
