@@ -18,6 +18,7 @@ from optopad.sims.learning.inference.model_file import save_model
 from tests.docs.docs_board import started_board
 from tests.fabrication.driver.made_up_model import header, made_up_model
 from tests.fabrication.simulated_board import missing_compiler
+from tests.sims.learning.test_two_touches import model as two_touch_model
 
 REPOSITORY = Path(__file__).parents[2]
 DOCS = REPOSITORY / "docs"
@@ -149,6 +150,8 @@ def prepare(page: Path, *, with_data: bool = False) -> None:
         presses = [f"{place},{depth}" for place in ("14,14", "20,18") for depth in (-1, 1, -1)]
         Path("presses.csv").write_text("\n".join(["x_mm,y_mm,depth_mm", *presses]), encoding="utf-8")
         save_model("pad.optomodel", replace(made_up_model(), header=header(design_digest=None)))
+        two = two_touch_model()
+        save_model("two.optomodel", replace(two, header=replace(two.header, design_digest=None)))
     if page.name == "objects.md":
         rows = re.findall(r"```text\n(x_mm.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL)
         Path("presses.csv").write_text(rows[0], encoding="utf-8")
