@@ -587,7 +587,7 @@ class SignalMapModel:
     box : range of the search for presses
     threshold : half of the difference in χ² above which a touch is detected [-]
     sigma : factors by depth that multiply the standard deviations
-    together : what two touches change together; None if the model was trained for one
+    together : what the model knows about two touches; None if it was trained for one
     """
 
     header: ModelHeader

@@ -174,7 +174,7 @@ class TwoTouchSearch:
     Attributes
     ----------
     single : the model of one touch
-    together : what two touches change together
+    together : what the model knows about two touches
     """
 
     single: SignalMapModel
