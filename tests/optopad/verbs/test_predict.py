@@ -80,7 +80,7 @@ def test_a_deep_press_is_told_better_than_one_that_barely_touches(predicted):
     assert {row.depth_mm: row.right for row in found.found[0].touch}[-0.4] >= 0.75
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_a_signal_map_of_two_touches_is_judged_by_the_distance_between_them(small_protocol, tmp_path):
     design = preset("gripper-stadium")
     made = predict(design, learners=["signal-map"], protocol=str(small_protocol), touches=2, out=tmp_path)
@@ -88,7 +88,9 @@ def test_a_signal_map_of_two_touches_is_judged_by_the_distance_between_them(smal
     rows = found["separations"]
     assert (rows[0]["from_mm"], rows[0]["from_radii"]) == (2 * design.indenter.tip_radius_mm, 2.0)
     assert rows[-1]["to_mm"] is None
-    assert rows[-1]["second_found"] >= 0.9
+    apart = [row for row in rows if row["from_radii"] >= 3.0]  # 16 pairs: nearer ones are often one
+    assert len(apart) == 3
+    assert sum(row["second_found"] for row in apart) / 3 >= 0.9
     assert rows[-1]["location_mm"]["median"] < design.indenter.tip_radius_mm / 3
     assert found["single"]["called"]["one"] >= 0.95
     page = (made.folder / "sims" / "prediction.html").read_text(encoding="utf-8")

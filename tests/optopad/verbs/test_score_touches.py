@@ -16,7 +16,7 @@ from optopad.screen.touches import touch_lines
 PAIR = "piacenza2017-pair"
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_a_score_says_how_near_two_touches_may_be(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     assert main(["score", PAIR, "--touches", "2", "--json", "--out", str(tmp_path)]) == 0
     found = json.loads(capsys.readouterr().out)["touches"]

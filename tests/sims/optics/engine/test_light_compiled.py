@@ -41,9 +41,6 @@ def test_one_compiled_version_serves_every_kind_of_scene():
     }
     trace_scene(SCENE, place, [DIMPLE], accuracy="draft", pairs=pair)
     trace_scene(SCENE, place, [DIMPLE], accuracy="draft", pairs=pair, fields=[flat])
-    trace_scene(
-        SCENE, np.array([[[8.0, 9.0], [24.0, 23.0]]]), [[DIMPLE, DIMPLE]], accuracy="draft", pairs=pair
-    )
     trace_scene(replace(SCENE, wall_index=1.5, tip_reflectance=0.3, **tables), place, [DIMPLE], accuracy="draft",
                 pairs=pair)  # fmt: skip
     assert {name: len(getattr(compiled, name).signatures) for name in ENTRY_POINTS} == dict.fromkeys(
