@@ -42,10 +42,10 @@ def signatures() -> dict[str, tuple[Any, ...]]:
 
     one, two, three, four = (types.Array(types.float64, sides, "C") for sides in (1, 2, 3, 4))
     layout, wanted = types.Array(types.int64, 2, "C"), types.Array(types.boolean, 2, "C")
-    top = numba.typeof(Top(np.zeros((1, 1)), np.zeros((0, 0, 16))))
+    top = numba.typeof(Top(np.zeros(1), np.zeros((0, 0, 16))))
     patches, orders = types.Tuple((layout, one)), types.Tuple((layout, one, two))
     flat = types.Tuple((three, two, three, two, two, two))
-    state = (four, wanted, two, two, one, two, three, flat, two)
+    state = (four, wanted, two, two, one, one, three, flat, two)
     flags, whole, real = types.boolean, types.int64, types.float64
     return {
         "trace_once": (*state, types.UniTuple(one, 6), types.UniTuple(one, 8), two, one),
