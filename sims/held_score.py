@@ -45,7 +45,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
-from optopad.design.arrays import BoolArray, FloatArray
+from optopad.design.arrays import BoolArray, FloatArray, plain_numbers
 from optopad.design.draft import Draft
 from optopad.design.errors import ModelScopeError
 from optopad.design.held_object import Cylinder, HeldObject, Sphere, held_of
@@ -145,10 +145,10 @@ class ObjectScore:
             "depth_mm": self.depth_mm.tolist(),
             "apart_sigma": self.apart.tolist(),
             "apart_sigma_place_known": self.apart_known.tolist(),
-            "edge_turn_deg": _plain(self.turn_deg),
-            "edge_turn_error_deg": _plain(self.turn_error_deg),
-            "cylinder_radius_mm": _plain(self.radius_mm),
-            "cylinder_radius_error_mm": _plain(self.radius_error_mm),
+            "edge_turn_deg": plain_numbers(self.turn_deg),
+            "edge_turn_error_deg": plain_numbers(self.turn_error_deg),
+            "cylinder_radius_mm": plain_numbers(self.radius_mm),
+            "cylinder_radius_error_mm": plain_numbers(self.radius_error_mm),
             "changes_sigma": {name: np.round(one, 3).tolist() for name, one in self.changes.items()},
             "as_ball": {
                 name: {
@@ -160,10 +160,6 @@ class ObjectScore:
                 for name, one in self.mistaken.items()
             },
         }
-
-
-def _plain(values: FloatArray) -> list[float | None]:
-    return [float(one) if np.isfinite(one) else None for one in values]
 
 
 def standard_objects(tip_radius_mm: float) -> dict[str, HeldObject]:

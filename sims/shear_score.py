@@ -45,7 +45,7 @@ from typing import Any
 
 import numpy as np
 
-from optopad.design.arrays import FloatArray, IntArray
+from optopad.design.arrays import FloatArray, IntArray, plain_numbers
 from optopad.design.draft import Draft
 from optopad.design.errors import InputError, ModelScopeError
 from optopad.design.held_object import HeldObject
@@ -165,12 +165,12 @@ class ShearScore:
             "force_n": self.force_n.tolist(),
             "pull_n": self.pull_n.tolist(),
             "shear_mm": self.shear_mm.tolist(),
-            "least_pull_n": _plain(self.least_pull_n),
-            "least_pull_error_n": _plain(self.least_pull_error_n),
-            "location_mm": _plain(self.location_mm),
-            "bound_depth_mm": _plain(self.bound_depth_mm),
-            "location_times": _plain(self.location_times),
-            "depth_times": _plain(self.depth_times),
+            "least_pull_n": plain_numbers(self.least_pull_n),
+            "least_pull_error_n": plain_numbers(self.least_pull_error_n),
+            "location_mm": plain_numbers(self.location_mm),
+            "bound_depth_mm": plain_numbers(self.bound_depth_mm),
+            "location_times": plain_numbers(self.location_times),
+            "depth_times": plain_numbers(self.depth_times),
             "unmodelled": {
                 name: {
                     "off_mm": one.off_mm.tolist(),
@@ -182,10 +182,6 @@ class ShearScore:
             },
             "map_errors": self.map_errors,
         }
-
-
-def _plain(values: FloatArray) -> list[list[float | None]]:
-    return [[float(one) if np.isfinite(one) else None for one in row] for row in values]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -34,7 +34,7 @@ from typing import Any
 
 import numpy as np
 
-from optopad.design.arrays import BoolArray, FloatArray, IntArray
+from optopad.design.arrays import BoolArray, FloatArray, IntArray, plain_numbers
 from optopad.design.draft import Draft
 from optopad.design.errors import ModelScopeError
 from optopad.design.progress import OnStep
@@ -125,9 +125,9 @@ class TouchesScore:
             "directions_deg": list(self.directions_deg),
             "depth_mm": self.depth_mm.tolist(),
             "has_room": (~np.isnan(self.least_mm)).tolist(),
-            "least_mm": _plain(self.least_mm),
+            "least_mm": plain_numbers(self.least_mm),
             "is_open": self.is_open.tolist(),
-            **{name: _plain(getattr(self, name)) for name in arrays},
+            **{name: plain_numbers(getattr(self, name)) for name in arrays},
         }
 
 
@@ -135,12 +135,6 @@ def _middle(values: FloatArray) -> dict[str, float | None]:
     known = values[~np.isnan(values)]
     found = {"median": float(np.median(known)), "worst": float(known.max())}
     return {name: one if np.isfinite(one) else None for name, one in found.items()}
-
-
-def _plain(values: FloatArray) -> Any:
-    if values.ndim:
-        return [_plain(one) for one in values]
-    return float(values) if np.isfinite(values) else None
 
 
 def require_touches(draft: Draft) -> None:

@@ -333,11 +333,7 @@ def _trust(model: SignalMapModel, found: SignalMap, noise: ReadingNoise, seed: i
     press_mm = np.tile(found.checked.press_mm[located], (CHECK_FRAMES, 1))
     flux = np.tile(found.checked.truth[located].reshape(int(located.sum()), -1), (CHECK_FRAMES, 1))
     mean = flux / found.untouched * model.full_counts
-    chance = np.random.default_rng(seed)
-    own = chance.normal(size=mean.shape) * np.sqrt(noise.variance(mean))
-    columns = noise.gain_columns(mean)
-    shared = np.einsum("ng,ngk->nk", chance.normal(size=columns.shape[:2]), columns)
-    told = model.found(np.minimum(mean + own + shared, noise.clip_counts))
+    told = model.found(noise.frames(mean, np.random.default_rng(seed)))
     raw_mm = np.sqrt(np.einsum("nii->ni", told.covariance))
     # x and y are equivalent: each sample counts for both
     told_mm, spread_mm, true_mm = (

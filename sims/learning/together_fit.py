@@ -87,7 +87,7 @@ def fit_together(
     search = search_of(replace(model, together=together))
     scores = []
     for number in range(FRAMES):
-        scores.append(search.touches(noisy(model, single, noise, rng)).second_score)
+        scores.append(search.touches(noise.frames(single * model.full_counts, rng)).second_score)
         tell("two touches", 0.8 + 0.15 * number / FRAMES)
     highest = float(np.quantile(np.concatenate(scores), 1.0 - FALSE_SECONDS))
     together = replace(together, threshold=max(LEAST_SECOND, highest))
@@ -155,17 +155,6 @@ def _without_map(noise: ReadingNoise, known: SignalMap, full: FloatArray) -> Rea
     return replace(noise, floor_counts=np.sqrt(np.maximum(noise.floor_counts**2 - error**2, 1e-6)))
 
 
-def noisy(
-    model: SignalMapModel, ratio: FloatArray, noise: ReadingNoise, rng: np.random.Generator
-) -> FloatArray:
-    """Frames (n, pair) of ratios (n, pair), with noise and random gains [counts]."""
-    mean = ratio * model.full_counts
-    own = rng.normal(size=mean.shape) * np.sqrt(noise.variance(mean))
-    columns = noise.gain_columns(mean)
-    shared = np.einsum("ng,ngk->nk", rng.normal(size=columns.shape[:2]), columns)
-    return np.asarray(np.minimum(mean + own + shared, noise.clip_counts))
-
-
 def _sigma(
     model: SignalMapModel,
     presses: FloatArray,
@@ -176,7 +165,7 @@ def _sigma(
     """Factors by depth from raw deviations to errors, on simulated frames of two touches."""
     told, raw, true = [], [], []
     for _ in range(PAIR_FRAMES):
-        found = search_of(model).touches(noisy(model, ratio, noise, rng))
+        found = search_of(model).touches(noise.frames(ratio * model.full_counts, rng))
         is_two = found.count == 2
         press, sigma = found.press_mm[is_two], found.sigma_mm[is_two]
         matched = matched_to(presses[is_two], press)

@@ -276,6 +276,13 @@ class ReadingNoise:
         by_receiver = np.tile(np.eye(self.receivers), (1, self.emitters)) * self.receiver_drift
         return np.concatenate([by_emitter, by_receiver]) * signals[:, None, :]
 
+    def frames(self, mean: FloatArray, rng: np.random.Generator) -> FloatArray:
+        """Random frames around mean signals (n, pair), each with gains of its own, limited at full scale [counts]."""
+        own = rng.normal(size=mean.shape) * np.sqrt(self.variance(mean))
+        columns = self.gain_columns(mean)
+        shared = np.einsum("ng,ngk->nk", rng.normal(size=columns.shape[:2]), columns)
+        return np.asarray(np.minimum(mean + own + shared, self.clip_counts))
+
     def seen_in(self, signals: FloatArray) -> Whitening:
         """The inverse covariance of frames `signals` (n, pair), in the form used for products."""
         variance = self.variance(signals)
