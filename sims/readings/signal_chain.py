@@ -82,6 +82,7 @@ press; presses before the last one; and the force. Light with loose walls change
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -336,23 +337,43 @@ class SignalChain:
         (n, state, receiver) readings, the off state last [counts]; not rounded if `noise.quantised` is false
         """
         held = self.draw_set(rng, is_ambient=is_ambient) if drawn is None else drawn
+        reading = self.readings(flux, np.asarray(time_s, dtype=np.float64), rng, held)
+        if self.dark != "frame":
+            states = lit_emitters(len(self.gains), self.dark)
+            reading = with_one_dark(reading, states, self.full_scale_counts)
+            if self.noise.quantised:
+                np.rint(reading, out=reading)
+        return reading.astype(np.float32)
+
+    def readings(
+        self, flux: FloatArray, time_s: FloatArray, rng: np.random.Generator, held: SetDraw
+    ) -> FloatArray:
+        """Readings (n, state, receiver) of frames in all states, as the board sends them [counts].
+
+        Parameters
+        ----------
+        flux : (n, emitter, receiver) share of the emitted power, each at the time of its reading [-]
+        time_s : (n,) start of each frame within its set [s]
+        rng : random generator for the noise from frame to frame
+        held : drift and ambient light of the frames' set
+        """
         emitters, receivers = self.gains.shape
-        states = lit_emitters(emitters, self.dark)
-        is_lit = np.array([one is not None for one in states])
         lit = flux * self.gains * held.gain(time_s)
         lit *= 1.0 + self.noise.led_fluctuation * rng.standard_normal((len(flux), emitters, 1))
-        light = np.zeros((len(flux), len(states), receivers))
-        light[:, is_lit] = lit
-        light += self._ambient(np.asarray(time_s, dtype=np.float64), held)
+        light = np.zeros((len(flux), len(self.read_at_s), receivers))
+        light[:, self.is_lit] = lit
+        light += self._ambient(time_s, held)
         sigma = np.sqrt(self.noise.read_noise_counts**2 + self.shot_variance_per_count * light)
         reading = light + self.noise.dark_counts + sigma * rng.standard_normal(light.shape)
         if self.noise.quantised:
             np.rint(reading, out=reading)
         np.clip(reading, 0.0, self.full_scale_counts, out=reading)
-        reading = with_one_dark(reading, states, self.full_scale_counts)
-        if self.noise.quantised:
-            np.rint(reading, out=reading)
-        return reading.astype(np.float32)
+        return np.asarray(reading)
+
+    @cached_property
+    def is_lit(self) -> BoolArray:
+        """Whether an emitter is lit in each state (state,)."""
+        return np.array([one is not None for one in lit_emitters(len(self.gains), self.dark)])
 
     def flicker_sigma_counts(self) -> FloatArray:
         """Flicker of ambient light (emitter, receiver) that remains after the off state is subtracted, rms [counts].
