@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optopad.design.errors import DeviceError
+from optopad.fabrication.driver.frame_source import FrameSource
 from optopad.fabrication.driver.link.frames import US_PER_S, Frame
 from optopad.fabrication.driver.recording.lerobot import (
     SIGNALS,
@@ -18,7 +19,6 @@ from optopad.fabrication.driver.recording.lerobot import (
     gathered,
     rows_of_step,
 )
-from optopad.fabrication.driver.sensor import Sensor
 
 AGE = f"{SIGNALS}_age"
 """Name of the observation that states how old a step's latest frame is."""
@@ -37,7 +37,7 @@ class Observations:
 
     Parameters
     ----------
-    sensor : open sensor, which nothing else reads
+    sensor : open sensor, or `optopad.SimulatedSensor`, which nothing else reads
     fps : steps per second
     take : what becomes of the frames of a step: "mean", "last" or "all"
 
@@ -51,7 +51,7 @@ class Observations:
     InputError : `fps` or `take` is not permitted.
     """
 
-    def __init__(self, sensor: Sensor, fps: float, take: Take = "mean") -> None:
+    def __init__(self, sensor: FrameSource, fps: float, take: Take = "mean") -> None:
         self._sensor, self._take = sensor, checked_take(fps, take)
         self._step_us = US_PER_S / fps
         said = sensor.descriptor

@@ -102,10 +102,7 @@ class Sensor:
         self.descriptor: Descriptor = descriptor_of(self.config)
         self._port = port
         self._rate_hz = self.config.timing.wanted_hz if rate_hz is None else rate_hz
-        if self._rate_hz != 0 and not SLOWEST_HZ <= self._rate_hz <= FASTEST_HZ:
-            raise InputError(
-                f"rate_hz: {self._rate_hz:g} is refused: 0 (as fast as it can), or {SLOWEST_HZ:g} to {FASTEST_HZ:g}"
-            )
+        require_rate(self._rate_hz)
         require_digest(accept_digest)
         self._accept_digest = accept_digest
         self._baseline_s = baseline_s
@@ -261,6 +258,11 @@ class Sensor:
         return time.monotonic() - self._open.heard_at
 
     @property
+    def now_s(self) -> float:
+        """Present time on the clock of `Frame.host_s`, since 1970 [s]."""
+        return time.time()
+
+    @property
     def fault(self) -> str:
         """Why no frames arrive, "" while they do: the port is lost, or the board silent for 1 s and three intervals."""
         is_silent = self._open.why_away or self.silent_s > self._silence_s
@@ -316,6 +318,14 @@ class Sensor:
         except BaseException:
             port.close()
             raise
+
+
+def require_rate(rate_hz: float) -> None:
+    """Check that a board may be asked for so many frames per second; raises InputError otherwise."""
+    if rate_hz != 0 and not SLOWEST_HZ <= rate_hz <= FASTEST_HZ:
+        raise InputError(
+            f"rate_hz: {rate_hz:g} is refused: 0 (as fast as it can), or {SLOWEST_HZ:g} to {FASTEST_HZ:g}"
+        )
 
 
 def _decoder_of(config: DriverConfig) -> FrameDecoder:

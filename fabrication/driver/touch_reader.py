@@ -12,7 +12,6 @@ With a model that knows two touches, a frame may have two contacts, whose number
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
@@ -29,8 +28,9 @@ from optopad.fabrication.driver.drift import (
     DriftState,
     DriftTracker,
 )
+from optopad.fabrication.driver.frame_source import FrameSource
 from optopad.fabrication.driver.link.frames import US_PER_S, Frame
-from optopad.fabrication.driver.sensor import BASELINE_S, Sensor
+from optopad.fabrication.driver.sensor import BASELINE_S
 from optopad.fabrication.driver.slip import NO_SLIP, SlipDetector
 from optopad.fabrication.driver.tracks import Tracks
 from optopad.sims.learning.inference.header import ModelHeader, require_design
@@ -166,7 +166,7 @@ class TouchReader:
 
     Parameters
     ----------
-    sensor : open sensor; the pad must be untouched at the first read
+    sensor : open sensor, or `optopad.SimulatedSensor`; the pad must be untouched at the first read
     model : model trained for this sensor's design
     touches : largest number of touches in a frame, 1 or 2. Slips are found while there is one touch
     time_constant_s : time constant of drift tracking [s]
@@ -181,7 +181,7 @@ class TouchReader:
 
     def __init__(
         self,
-        sensor: Sensor,
+        sensor: FrameSource,
         model: TouchModel,
         *,
         touches: int = 1,
@@ -316,7 +316,7 @@ class TouchReader:
             is_slipping=slip.is_slipping,
             slip_mm_s=slip.slip_mm_s,
             drift=state,
-            latency_ms=1e3 * (time.time() - frame.host_s),
+            latency_ms=1e3 * (self.sensor.now_s - frame.host_s),
         )
 
     def _contacts(self, time_s: float, found: Touches, k: int, count: int) -> tuple[Contact, ...]:

@@ -11,6 +11,7 @@ import numpy as np
 from optopad.design.arrays import FloatArray
 from optopad.fabrication.driver import sensor as driver
 from optopad.fabrication.driver.check import Verdict
+from optopad.fabrication.driver.frame_source import FrameSource
 from optopad.fabrication.driver.link.frames import Frame
 from optopad.fabrication.driver.touch_reader import AXES, Touch, TouchReader, with_sigma
 
@@ -69,7 +70,7 @@ def link_json(sensor: driver.Sensor) -> dict[str, Any]:
     }
 
 
-def link_line(sensor: driver.Sensor) -> str:
+def link_line(sensor: FrameSource) -> str:
     """One line with the frame rate, and the numbers of received, lost and damaged frames."""
     counts, rate = sensor.counts, sensor.rate_hz
     told = "-" if rate is None else f"{rate:.1f}"

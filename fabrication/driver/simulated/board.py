@@ -186,6 +186,25 @@ FIRMWARE = (0, 0)
 """Firmware version that the simulated board reports; 0.0 means that it has no firmware."""
 
 
+def hello_message(config: DriverConfig, interval_us: int, digest: str | None = None) -> bytes:
+    """Message in which a simulated board describes itself; `digest` replaces that of the configuration's design."""
+    board, layout = config.board, frame_format(config)
+    hello = Hello(
+        firmware=FIRMWARE,
+        board=board.link_number,
+        emitters=layout.emitters,
+        receivers=layout.receivers,
+        bits=layout.bits,
+        dark=layout.dark,
+        prescaler_exponent=0 if board.adc_prescaler is None else board.adc_prescaler.bit_length() - 1,
+        settle_us=math.ceil(board.settle_us),
+        baud=board.baud,
+        interval_us=interval_us,
+        digest=digest or config.digest,
+    )
+    return pack_hello(hello)
+
+
 class FakeBoard:
     """A simulated sensor board with a pad on which a simulated finger moves.
 
@@ -323,21 +342,7 @@ class FakeBoard:
         return b""
 
     def _hello(self) -> bytes:
-        board, frame = self._config.board, self._config.frame
-        hello = Hello(
-            firmware=FIRMWARE,
-            board=board.link_number,
-            emitters=self._layout.emitters,
-            receivers=frame.receivers,
-            bits=frame.bits_per_reading,
-            dark=self._layout.dark,
-            prescaler_exponent=0 if board.adc_prescaler is None else board.adc_prescaler.bit_length() - 1,
-            settle_us=math.ceil(board.settle_us),
-            baud=board.baud,
-            interval_us=self._interval_us,
-            digest=self._digest,
-        )
-        return pack_hello(hello)
+        return hello_message(self._config, self._interval_us, self._digest)
 
     def _self_test(self) -> bytes:
         reference = round(REFERENCE_V / SUPPLY_V * (self._layout.full_scale + 1))

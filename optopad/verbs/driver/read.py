@@ -21,6 +21,7 @@ from optopad.cli.interrupts import answered
 from optopad.cli.verb import file_name, typed, verb
 from optopad.design.errors import InputError, OutputError
 from optopad.fabrication.driver.drift import GUARD_S, TIME_CONSTANT_S
+from optopad.fabrication.driver.frame_source import FrameSource
 from optopad.fabrication.driver.sensor import BASELINE_S, Sensor
 from optopad.fabrication.driver.touch_reader import TouchReader
 from optopad.screen.live_sensor import (
@@ -165,7 +166,7 @@ def _live(sensor: Sensor, frames: int | None, seconds: float | None) -> None:
     )
 
 
-def _drawn(sensor: Sensor, answers: Iterator[Answer], view: Callable[[Answer], RenderableType]) -> None:
+def _drawn(sensor: FrameSource, answers: Iterator[Answer], view: Callable[[Answer], RenderableType]) -> None:
     """Draw the latest answer ten times a second, and below it why none arrives."""
     latest: Answer | None = None
 
