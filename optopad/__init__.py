@@ -39,6 +39,8 @@ __version__ = "0.2.0"
 __all__ = [
     "Observations",
     "Sensor",
+    "SimulatedPad",
+    "SimulatedSensor",
     "TouchReader",
     "check",
     "compare",

@@ -93,6 +93,8 @@ def read_recording(
 _LATER = {
     "Observations": "optopad.fabrication.driver.observations",
     "Sensor": "optopad.sensor",
+    "SimulatedPad": "optopad.fabrication.scene.simulated_pad",
+    "SimulatedSensor": "optopad.fabrication.scene.simulated_sensor",
     "TouchReader": "optopad.fabrication.driver.touch_reader",
     "check": "optopad.verbs.check",
     "compare": "optopad.verbs.compare",

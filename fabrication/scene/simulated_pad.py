@@ -1,0 +1,494 @@
+"""The twin of a manufactured pad in a MuJoCo scene: the frames that its board would send of what touches it.
+
+    pad = optopad.SimulatedPad(model, design, name="left")
+    while True:
+        mujoco.mj_step(model, data)
+        frame = pad.frame(data)  # as optopad.Sensor gives it
+
+From objects to a frame
+-----------------------
+    geoms in contact with the pad's top ──► overlap with the untouched top at the nodes of the map of light
+    ──► light of every pair over its untouched light ──► interpolated to the time of the pair's conversion
+    ──► gains, drift, noise, ambient light, dark states, full scale (`optopad.sims.readings.signal_chain`)
+
+Several objects press the pad as one that overlaps it by the larger of their overlaps.
+
+Times
+-----
+The board reads a frame at equal intervals: frame k begins at t_k = t_0 + k T, with T the interval of the design's rate,
+or the time of a whole frame if that is longer. Its readings follow one another, and it is delivered at t_k + D, after
+its last reading and its sending. D is the time of a whole frame in the timing model (5 ms with 8 emitters and 8
+receivers on an ATmega). `SimulatedPad.frame` returns the latest frame that was delivered by `data.time`, as a program
+at the port would get it. Until the next one is delivered it returns the same frame, so calls at every step make no more
+noise than the board does.
+
+A pair's light is interpolated between the calls just before and after its conversion, so the calls may be more or less
+frequent than the frames. A call at every step of 1 to 4 ms follows the motion; with fewer calls the motion between them
+counts as even. Frames that were delivered between two calls and replaced by a later one are made only for a recording
+or for `optopad.SimulatedSensor`.
+
+t_0 is the time of the first call. Before it the scene counts as at rest, as it then is: the first frame is returned by
+that call, ahead of its delivery. If `data.time` goes back, the scene was reset: the board starts again with a frame as
+at first, its frames have the next number of connection, and the unit, its drift and its baseline remain. Drift and the
+flicker of ambient light go on by the number of frames, from the baseline on, as for a board that is never switched off.
+
+`Frame.began_s` and `Frame.host_s` are on the simulation's clock, `Frame.device_us` counts from its zero.
+
+Left out
+--------
+Loose walls (`noise.wall_unbonded_share`), the slow contact of the silicone, settling of amplifiers, the time of the
+averages within a reading, a delay of the host, light that objects shed. What `signal_chain` leaves out is missing here,
+too. What a press leaves (`noise.release_residue`) follows the deepest frame of the press.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import warnings
+from contextlib import ExitStack
+from dataclasses import replace
+from typing import TYPE_CHECKING, Protocol, cast
+
+import numpy as np
+
+from optopad.design.arrays import FloatArray, IntArray
+from optopad.design.draft import Draft
+from optopad.design.errors import InputError
+from optopad.design.recordings import signals_of, with_one_dark
+from optopad.design.shape.cavity import judged_pairs, mask_of
+from optopad.design.spec import SensorDesign
+from optopad.fabrication.driver.descriptor import Descriptor, descriptor_of
+from optopad.fabrication.driver.link.frames import US_PER_S, Frame
+from optopad.fabrication.driver.link.link import interval_us
+from optopad.fabrication.driver.link.protocol import frame_format, pack_frames
+from optopad.fabrication.driver.recording.recorder import Recorder
+from optopad.fabrication.driver.sensor import BASELINE_S, require_rate
+from optopad.fabrication.driver.simulated.board import PadMemory, hello_message
+from optopad.fabrication.driver.touch_reader import Touch, TouchReader
+from optopad.fabrication.driver_config import driver_config
+from optopad.fabrication.driver_file import DriverConfig
+from optopad.fabrication.scene.touching import PadTop, Touching
+from optopad.sims.readings.readout import readout_of
+from optopad.sims.readings.signal_chain import SignalChain, chain_of
+from optopad.sims.robot.shapes import Shape
+
+if TYPE_CHECKING:
+    from mujoco import MjData, MjModel
+
+    from optopad.fabrication.driver.frame_source import FrameSource
+    from optopad.sims.learning.inference.touch_model import TouchModel
+
+SEEN_MM = 0.05
+"""Depth of a contact by MuJoCo above which the map of light must show an overlap [mm]."""
+SAME_S = 1e-9
+"""Times closer than this are equal: the rounding of sums of time steps [s]."""
+
+
+class PadLight(Protocol):
+    """The light of a pad under objects, as `optopad.sims.robot.fast_light.FastLight` has it."""
+
+    @property
+    def digest(self) -> str:
+        """Digest of the design."""
+
+    @property
+    def untouched(self) -> FloatArray:
+        """(emitter, receiver) flux of the untouched pad, as a share of the emitted power [-]."""
+
+    @property
+    def deepest_mm(self) -> float:
+        """Largest overlap that the map of light covers [mm]."""
+
+    def overlap_mm(self, shape: Shape, centre_mm: FloatArray, turn: FloatArray) -> FloatArray:
+        """Overlap (n, node) of a shape in n poses with the untouched top [mm]."""
+
+    def ratios(self, overlap_mm: FloatArray) -> FloatArray:
+        """(n, emitter, receiver) light over the untouched light, for overlaps (n, node) [-]."""
+
+
+class _Look:
+    """The objects at the pad at one time, and the pad's light, computed when it is first needed."""
+
+    __slots__ = ("deepest_mm", "ratios", "time_s", "touching")
+
+    def __init__(self, time_s: float, touching: Touching) -> None:
+        self.time_s, self.touching = time_s, touching
+        self.ratios: FloatArray | None = None
+        self.deepest_mm = 0.0
+
+
+class SimulatedPad:
+    """A pad of a compiled MuJoCo model, whose frames are those of its board.
+
+    Parameters
+    ----------
+    model : compiled model with the pad that `optopad scene` wrote for the design
+    design : the pad's design, or a calibrated one of a manufactured unit
+    name : name of the pad: "left" if it was attached with the prefix "left_"; "" for a pad without a prefix
+    light : map of the pad's light, or its file; if None, the one that `optopad scene DESIGN --fit` stored
+    seed : seed of drift and noise
+    touch_model : trained model for `touch`; None if that is not needed
+    touches : largest number of touches in a frame, 1 or 2
+    rate_hz : frames per second; 0 for the board's highest rate. If None, the design's rate is used
+    is_ambient : whether there is the design's ambient light
+    baseline_s : time for which the untouched pad was read before the simulation, for `baseline` [s]; 0 for no baseline
+
+    Attributes
+    ----------
+    model, name : the model, and the pad's name in it
+    config : driver configuration of the design
+    descriptor : geometry, names, units and rates of the readings
+    baseline : signals of the untouched pad, shape (emitters, receivers) [counts]; None if no baseline was taken
+    interval_s : time between two frames [s]
+    delay_s : time from a frame's first conversion to its delivery [s]
+    made : number of frames made so far
+    connection : number of the connection, from 1; it increases at each reset of the scene
+
+    Raises
+    ------
+    InputError : the model has no pad of this name; there is no map of light for the design, or it is of another.
+    """
+
+    def __init__(
+        self,
+        model: MjModel,
+        design: SensorDesign,
+        name: str = "",
+        *,
+        light: PadLight | str | os.PathLike[str] | None = None,
+        seed: int = 0,
+        touch_model: TouchModel | None = None,
+        touches: int = 1,
+        rate_hz: float | None = None,
+        is_ambient: bool = True,
+        baseline_s: float = BASELINE_S,
+    ) -> None:
+        self.model, self.name = model, name
+        self._warned: set[str] = set()
+        self._top = PadTop(model, name)
+        self._light = _light_of(design, light)
+        self._chain, self.config = _electronics(design, self._light.untouched)
+        if design.noise.wall_unbonded_share:
+            self._warn("noise.wall_unbonded_share is not simulated; the walls stay bonded")
+        self.descriptor: Descriptor = descriptor_of(self.config)
+        self._layout = frame_format(self.config)
+        self._lit_s = self._chain.read_at_s[self._chain.is_lit]
+        emitters, receivers = self._light.untouched.shape
+        self._ones = np.ones((emitters, receivers))
+        self._pairs = np.arange(emitters)[:, None], np.arange(receivers)
+        self.delay_s = self.config.timing.frame_ms / 1e3
+        asked_hz = self.config.timing.wanted_hz if rate_hz is None else rate_hz
+        require_rate(asked_hz)
+        self._interval_us = max(interval_us(asked_hz), math.ceil(self.config.timing.frame_ms * 1e3))
+        self.interval_s = self._interval_us / US_PER_S
+        self._rng = np.random.default_rng(seed)
+        self._drawn = self._chain.draw_set(self._rng, is_ambient=is_ambient)
+        self._recorders: list[Recorder] = []
+        self._touch_model, self._touches = touch_model, touches
+        self._reader: TouchReader | None = None
+        self._touch: Touch | None = None
+        self.made = 0
+        self.connection = 0
+        self._before = self._next = 0
+        self.baseline: FloatArray | None = None
+        if baseline_s > 0.0:
+            frames = self.untouched_frames(max(1, round(baseline_s / self.interval_s)))
+            self.baseline = np.mean([one.signals for one in frames], axis=0)
+        self.made = 0
+        self.reset()
+
+    def reset(self) -> None:
+        """Start the board again at the next call, with the scene at rest as it then is; a press is forgotten.
+
+        It is called by itself when `data.time` goes back. Call it after objects were moved without a step of time.
+        """
+        self._looks: list[_Look] = []
+        self._last: Frame | None = None
+        self._before += self._next
+        self._next = 0
+        memory = self.config.memory
+        self._memory = None if memory is None else PadMemory(memory, self._light.untouched)
+        self.connection += 1
+
+    def observe(self, data: MjData) -> None:
+        """Note where the objects are now, without making a frame; useful at every step if frames are read less often.
+
+        `frame` and `arrived` do it, too.
+        """
+        now_s, looks = float(data.time), self._looks
+        if looks and now_s < looks[-1].time_s - SAME_S:
+            self.reset()
+            looks = self._looks
+        elif looks and now_s <= looks[-1].time_s + SAME_S:
+            looks.pop()
+        if not looks and self._last is None:
+            self._begin_s = now_s
+            for recorder in self._recorders:
+                self._greet(recorder)
+        looks.append(_Look(now_s, self._top.touching(data)))
+        due_s = self._begin_s + self._next * self.interval_s
+        while len(looks) > 2 and looks[1].time_s <= due_s:
+            del looks[0]
+
+    def frame(self, data: MjData) -> Frame:
+        """The latest frame that the board has delivered by `data.time`; see the module for its times."""
+        frames = self._arrived(data, is_all=bool(self._recorders) or self._memory is not None)
+        return frames[-1] if frames else self.last
+
+    def arrived(self, data: MjData) -> list[Frame]:
+        """All frames that the board has delivered since the last call, up to `data.time`; there may be none."""
+        return self._arrived(data, is_all=True)
+
+    def touch(self, data: MjData) -> Touch:
+        """The trained model's prediction for the latest frame, as `optopad.TouchReader` makes it.
+
+        Raises
+        ------
+        InputError : no trained model was given, or it is of another design.
+        """
+        if self._touch_model is None:
+            raise InputError(
+                "touch_model: is None; give SimulatedPad(..., touch_model=optopad.load_model(FILE))"
+            )
+        if self._reader is None:
+            source = cast("FrameSource", _LatestFrames(self))
+            self._reader = TouchReader(source, self._touch_model, touches=self._touches)
+        frame = self.frame(data)
+        if self._touch is None or self._touch.frame is not frame:
+            self._touch = self._reader.read()
+        return self._touch
+
+    def record(self, file: str | os.PathLike[str]) -> Recorder:
+        """Record every frame from now on, even if it is never read, until the recorder is closed.
+
+        Presses that are noted in the recording need their time on the simulation's clock, `press(..., host_s=...)`.
+
+        Raises
+        ------
+        OutputError : the file exists, or cannot be written.
+        """
+        recorder = Recorder(file, self.config)
+        if self._looks:
+            self._greet(recorder)
+        self._recorders.append(recorder)
+        return recorder
+
+    def untouched_frames(self, count: int) -> list[Frame]:
+        """Frames of the untouched pad, as if read before the simulation began."""
+        began_s = np.arange(-count, 0, dtype=np.float64) * self.interval_s
+        flux = np.broadcast_to(self._light.untouched, (count, *self._light.untouched.shape))
+        return self._frames(flux, began_s, np.arange(-count, 0), [])
+
+    def close(self, *, is_clean: bool = True) -> None:
+        """Close all recordings; `is_clean` marks their normal end. Raises OutputError if one failed."""
+        with ExitStack() as recordings:
+            for recorder in self._recorders:
+                recordings.callback(recorder.close, is_clean=is_clean)
+
+    @property
+    def last(self) -> Frame:
+        """The latest frame that was made; raises InputError before the first call with data."""
+        if self._last is None:
+            raise InputError("the pad has no frame yet; call frame(data)")
+        return self._last
+
+    @property
+    def now_s(self) -> float:
+        """Time of the latest call on the simulation's clock [s]; 0 before the first one."""
+        return self._looks[-1].time_s if self._looks else 0.0
+
+    def _arrived(self, data: MjData, *, is_all: bool) -> list[Frame]:
+        self.observe(data)
+        passed_s = self._looks[-1].time_s - self._begin_s - self.delay_s + SAME_S
+        until = max(math.floor(passed_s / self.interval_s) + 1, 1)
+        first = self._next if is_all else max(self._next, until - 1)
+        if until <= self._next:
+            return []
+        numbers = np.arange(first, until)
+        began_s = self._begin_s + numbers.astype(np.float64) * self.interval_s
+        flux = self._with_residue(self._flux(began_s), began_s)
+        self._recorders = [one for one in self._recorders if one.is_open]
+        frames = self._frames(flux, began_s, numbers, self._recorders)
+        self._next, self._last = until, frames[-1]
+        return frames
+
+    def _flux(self, began_s: FloatArray) -> FloatArray:
+        """(n, emitter, receiver) flux of frames, each pair at the time of its conversion."""
+        untouched = self._light.untouched
+        at_s = began_s[:, None, None] + self._lit_s
+        looks = self._between(float(at_s[0].min()), float(at_s[-1].max()))
+        if not any(one.touching.geoms for one in looks):
+            return np.broadcast_to(untouched, at_s.shape)
+        self._light_up(looks)
+        ratios = np.array([one.ratios for one in looks])
+        times_s = np.array([one.time_s for one in looks])
+        if len(looks) == 1:
+            now = np.broadcast_to(ratios, at_s.shape)
+        elif len(looks) == 2:
+            share = np.clip((at_s - times_s[0]) / (times_s[1] - times_s[0]), 0.0, 1.0)
+            now = ratios[0] + share * (ratios[1] - ratios[0])
+        else:
+            after = np.clip(np.searchsorted(times_s, at_s), 1, len(looks) - 1)
+            share = np.clip((at_s - times_s[after - 1]) / (times_s[after] - times_s[after - 1]), 0.0, 1.0)
+            before = ratios[after - 1, *self._pairs]
+            now = before + share * (ratios[after, *self._pairs] - before)
+        return np.asarray(untouched * now)
+
+    def _between(self, first_s: float, last_s: float) -> list[_Look]:
+        """The looks that are needed for the light between two times: one before or at the first, one after the last.
+
+        If there are none, the oldest or the newest one is taken.
+        """
+        looks = self._looks
+        begin, end = 0, len(looks)
+        while begin + 1 < end and looks[begin + 1].time_s <= first_s:
+            begin += 1
+        while end - 1 > begin and looks[end - 2].time_s >= last_s:
+            end -= 1
+        return looks[begin:end]
+
+    def _light_up(self, looks: list[_Look]) -> None:
+        """Compute the light of the looks that have none yet."""
+        new = [one for one in looks if one.ratios is None]
+        pressed = [one for one in new if one.touching.geoms]
+        for one in new:
+            one.ratios = self._ones
+        if not pressed:
+            return
+        overlap_mm = self._overlap_mm([one.touching for one in pressed])
+        deepest_mm, most_mm = overlap_mm.max(axis=1), self._light.deepest_mm
+        if deepest_mm.max() > most_mm:
+            self._warn(
+                f"an object is {deepest_mm.max():.2f} mm deep, and the map of light ends at {most_mm:.2f} mm; deeper "
+                "parts count as that deep"
+            )
+            overlap_mm = np.minimum(overlap_mm, most_mm)
+        ratios = self._light.ratios(overlap_mm)
+        for k, one in enumerate(pressed):
+            one.ratios, one.deepest_mm = ratios[k], float(deepest_mm[k])
+
+    def _overlap_mm(self, many: list[Touching]) -> FloatArray:
+        """Overlap (n, node) of the objects at n times with the untouched top, of each node by the deepest one [mm]."""
+        found: FloatArray | None = None
+        for geom in sorted({geom for one in many for geom in one.geoms}):
+            shape = self._top.shape(geom)
+            assert shape is not None
+            rows = [(k, one.geoms.index(geom)) for k, one in enumerate(many) if geom in one.geoms]
+            own_mm = self._light.overlap_mm(
+                shape,
+                np.array([many[k].centre_mm[place] for k, place in rows]),
+                np.array([many[k].turn[place] for k, place in rows]),
+            )
+            if len(rows) == len(many):
+                found = own_mm if found is None else np.maximum(found, own_mm)
+            else:
+                at = [k for k, _ in rows]
+                found = np.full((len(many), own_mm.shape[1]), -np.inf) if found is None else found
+                found[at] = np.maximum(found[at], own_mm)
+            if any(many[k].pressed_mm[place] > SEEN_MM for k, place in rows) and own_mm.max() <= 0.0:
+                self._warn(
+                    f"the geom {self._top.geom_name(geom)} touches the pad beside the area of the map of light, at its "
+                    "rim or walls; the frames show nothing of it"
+                )
+        assert found is not None
+        return found
+
+    def _warn(self, text: str) -> None:
+        """Warn once of each kind of limit; the first words tell the kinds apart."""
+        kind = text.split()[0]
+        if kind not in self._warned:
+            self._warned.add(kind)
+            warnings.warn(f"pad {self.name!r}: {text}", stacklevel=7)
+
+    def _with_residue(self, flux: FloatArray, began_s: FloatArray) -> FloatArray:
+        """Flux of frames with what earlier presses left in the silicone."""
+        if self._memory is None:
+            return flux
+        times_s = [one.time_s for one in self._looks]
+        depth_mm = np.interp(began_s, times_s, [one.deepest_mm for one in self._looks])
+        return np.array(
+            [self._memory.added(*now) for now in zip(flux, depth_mm.tolist(), began_s.tolist(), strict=True)]
+        )
+
+    def _frames(
+        self, flux: FloatArray, began_s: FloatArray, numbers: IntArray, recorders: list[Recorder]
+    ) -> list[Frame]:
+        layout = self._layout
+        running_s = (self._before + numbers.astype(np.float64)) * self.interval_s
+        readings = self._chain.readings(flux, running_s, self._rng, self._drawn)
+        one_dark = readings
+        if layout.dark != "frame":
+            one_dark = np.rint(with_one_dark(readings, layout.lit, layout.full_scale))
+        counts = one_dark.astype(np.uint16)
+        signals, saturated = signals_of(counts.astype(np.int32)), counts >= layout.full_scale
+        device_us = np.rint(began_s * US_PER_S).astype(np.int64)
+        host_s = (began_s + self.delay_s).tolist()
+        if recorders:
+            messages = pack_frames(layout, numbers, device_us, readings)
+            for recorder in recorders:
+                for message, time_s in zip(messages, host_s, strict=True):
+                    recorder.frame(message, time_s)
+        self.made += len(numbers)
+        return [
+            Frame(
+                connection=max(self.connection, 1),
+                sequence=sequence,
+                device_us=device_us[k].item(),
+                host_s=host_s[k],
+                lost_before=0,
+                counts=counts[k],
+                signals=signals[k],
+                saturated=saturated[k],
+                baseline=self.baseline,
+                began_s=began_s[k].item(),
+                began_error_s=0.0,
+            )
+            for k, sequence in enumerate(numbers.tolist())
+        ]
+
+    def _greet(self, recorder: Recorder) -> None:
+        recorder.hello(hello_message(self.config, self._interval_us), self._begin_s)
+
+
+class _LatestFrames:
+    """What a reader needs of a source if it reads the latest frames alone."""
+
+    def __init__(self, pad: SimulatedPad) -> None:
+        self._pad, self.descriptor = pad, pad.descriptor
+
+    @property
+    def now_s(self) -> float:
+        return self._pad.now_s
+
+    def read(self) -> Frame:
+        return self._pad.last
+
+    def new_frames(self, seconds: float, least: int = 1) -> list[Frame]:
+        """Frames of the untouched pad."""
+        return self._pad.untouched_frames(max(least, round(seconds / self._pad.interval_s)))
+
+
+def _light_of(design: SensorDesign, light: PadLight | str | os.PathLike[str] | None) -> PadLight:
+    if light is None or isinstance(light, str | os.PathLike):
+        from optopad.sims.robot.fast_light import fast_light, load_fast_light
+
+        found: PadLight = fast_light(design) if light is None else load_fast_light(light)
+    else:
+        found = light
+    if found.digest != design.digest:
+        raise InputError(
+            f"light: of design {found.digest[:8]}, the pad's is {design.digest[:8]}; run `optopad scene DESIGN --fit` "
+            "on the pad's design"
+        )
+    return found
+
+
+def _electronics(design: SensorDesign, untouched: FloatArray) -> tuple[SignalChain, DriverConfig]:
+    """Signal chain and driver configuration of a unit with this light of the untouched pad."""
+    draft = Draft.of(design)
+    readout = readout_of(draft, untouched, mask_of(judged_pairs(draft.cavity), draft.cavity))
+    gains = readout.of_each(untouched.shape[1])
+    chain = chain_of(design, readout)
+    noise = chain.noise.model_copy(update={"quantised": True})  # a board sends whole counts
+    return replace(chain, noise=noise), driver_config(design, gains, readout.counts(untouched))

@@ -1,0 +1,169 @@
+"""Finds what touches a pad in a MuJoCo scene: the objects in contact with the pad's top, and where they are.
+
+A geom of any body counts while MuJoCo reports its contact with the pad's top: spheres, capsules, ellipsoids, cylinders,
+boxes, planes, and meshes by their convex hull, as MuJoCo's collisions take them. Height fields, signed distance fields
+and flexible bodies have no shape here; the first of each kind is named in a warning.
+
+Positions are those of the latest kinematics. After `mj_step` MuJoCo's own are of the beginning of that step, as are its
+sensors'; `mj_forward` renews them.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import mujoco
+import numpy as np
+
+from optopad.design.arrays import FloatArray
+from optopad.design.errors import InputError
+from optopad.sims.robot.shapes import Shape, hull_of
+
+if TYPE_CHECKING:
+    from mujoco import MjData, MjModel
+
+MM_PER_M = 1e3
+PAD_BODY, PAD_TOP, PAD_CAVITY = "pad", "pad_top", "pad_cavity"
+"""Names of a pad's body, collision geom and site of the cavity frame, behind the prefix with which it is attached."""
+
+_KINDS = {
+    mujoco.mjtGeom.mjGEOM_SPHERE: "sphere",
+    mujoco.mjtGeom.mjGEOM_CAPSULE: "capsule",
+    mujoco.mjtGeom.mjGEOM_ELLIPSOID: "ellipsoid",
+    mujoco.mjtGeom.mjGEOM_CYLINDER: "cylinder",
+    mujoco.mjtGeom.mjGEOM_BOX: "box",
+}
+_OUTWARD = np.array([[0.0, 0.0, 1.0, 0.0]])
+"""The half-space below a plane's own z axis, as a hull."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Touching:
+    """The objects that touch a pad at one time.
+
+    Attributes
+    ----------
+    geoms : numbers of their geoms in the model
+    centre_mm, turn : (3,) centres and (3, 3) rotations in the cavity frame, for each; columns are the objects' axes
+    pressed_mm : largest depth of its contacts by MuJoCo, for each
+    """
+
+    geoms: tuple[int, ...] = ()
+    centre_mm: tuple[FloatArray, ...] = ()
+    turn: tuple[FloatArray, ...] = ()
+    pressed_mm: tuple[float, ...] = ()
+
+
+NOTHING = Touching()
+
+
+def prefix_of(name: str) -> str:
+    """Prefix of the names of a pad: "left_" for the pad "left", "" for ""."""
+    return f"{name}_" if name else ""
+
+
+class PadTop:
+    """The top of one pad of a compiled model.
+
+    Parameters
+    ----------
+    model : compiled model
+    name : name of the pad, which is its prefix without the underscore; "" for a pad without a prefix
+
+    Raises
+    ------
+    InputError : the model has no pad of this name.
+    """
+
+    def __init__(self, model: MjModel, name: str) -> None:
+        self._model = model
+        prefix = prefix_of(name)
+        found = [
+            mujoco.mj_name2id(model, kind, prefix + part)
+            for kind, part in (
+                (mujoco.mjtObj.mjOBJ_BODY, PAD_BODY),
+                (mujoco.mjtObj.mjOBJ_GEOM, PAD_TOP),
+                (mujoco.mjtObj.mjOBJ_SITE, PAD_CAVITY),
+            )
+        ]
+        if min(found) < 0:
+            raise InputError(_not_found(model, name))
+        _, self._geom, self._site = found
+        self._shapes: dict[int, Shape | None] = {}
+        self._has_warned = False
+
+    def touching(self, data: MjData) -> Touching:
+        """The objects that touch the pad now."""
+        if not data.ncon:
+            return NOTHING
+        own, pressed_mm = self._geom, dict[int, float]()
+        depths_mm = data.contact.dist * -MM_PER_M
+        for (one, other), depth_mm in zip(data.contact.geom.tolist(), depths_mm.tolist(), strict=True):
+            if own in (one, other):
+                geom = one + other - own
+                pressed_mm[geom] = max(pressed_mm.get(geom, -np.inf), depth_mm)
+        geoms = tuple(geom for geom in sorted(pressed_mm) if self.shape(geom) is not None)
+        if not geoms:
+            return NOTHING
+        origin = data.site_xpos[self._site]
+        axes = data.site_xmat[self._site].reshape(3, 3)
+        return Touching(
+            geoms=geoms,
+            centre_mm=tuple((data.geom_xpos[geom] - origin) @ axes * MM_PER_M for geom in geoms),
+            turn=tuple(axes.T @ data.geom_xmat[geom].reshape(3, 3) for geom in geoms),
+            pressed_mm=tuple(pressed_mm[geom] for geom in geoms),
+        )
+
+    def shape(self, geom: int) -> Shape | None:
+        """Shape of a geom; None, after a warning, if it has none."""
+        if geom not in self._shapes:
+            self._shapes[geom] = self._made(geom)
+        return self._shapes[geom]
+
+    def geom_name(self, geom: int) -> str:
+        """Name of a geom, or its number, for messages."""
+        return mujoco.mj_id2name(self._model, mujoco.mjtObj.mjOBJ_GEOM, geom) or f"number {geom}"
+
+    def _made(self, geom: int) -> Shape | None:
+        if geom < 0:
+            self._warn_of("a flexible body")
+            return None
+        model = self._model
+        kind = mujoco.mjtGeom(model.geom_type[geom])
+        if kind in _KINDS:
+            return Shape(kind=_KINDS[kind], size_mm=model.geom_size[geom] * MM_PER_M)
+        if kind == mujoco.mjtGeom.mjGEOM_PLANE:
+            return Shape(kind="hull", size_mm=np.zeros(3), planes=_OUTWARD)
+        if kind == mujoco.mjtGeom.mjGEOM_MESH:
+            mesh = model.geom_dataid[geom]
+            first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+            return hull_of(model.mesh_vert[first : first + count] * MM_PER_M)
+        self._warn_of(f"the geom {self.geom_name(geom)} ({kind.name.removeprefix('mjGEOM_').lower()})")
+        return None
+
+    def _warn_of(self, what: str) -> None:
+        if not self._has_warned:
+            self._has_warned = True
+            warnings.warn(
+                f"{what} touches the pad, and the frames do not show it: the simulation of light does not know its "
+                "shape; use a primitive geom or a convex mesh",
+                stacklevel=5,
+            )
+
+
+def _not_found(model: MjModel, name: str) -> str:
+    prefix = prefix_of(name)
+    sites = (model.site(k).name for k in range(model.nsite))
+    there = [site.removesuffix(PAD_CAVITY).removesuffix("_") for site in sites if site.endswith(PAD_CAVITY)]
+    named = ", ".join(repr(one) for one in there)
+    way_out = (
+        f"name one of its pads: {named}"
+        if there
+        else "include or attach the pad's file, which `optopad scene DESIGN --out FOLDER` writes, and keep its names"
+    )
+    return (
+        f"name: the model has no pad {name!r} (no body {prefix}{PAD_BODY} with a geom {prefix}{PAD_TOP} and a site "
+        f"{prefix}{PAD_CAVITY}); {way_out}"
+    )
