@@ -174,6 +174,7 @@ class SimulatedPad:
         self.descriptor: Descriptor = descriptor_of(self.config)
         self._layout = frame_format(self.config)
         self._lit_s = self._chain.read_at_s[self._chain.is_lit]
+        self._first_s, self._last_s = float(self._lit_s.min()), float(self._lit_s.max())
         emitters, receivers = self._light.untouched.shape
         self._ones = np.ones((emitters, receivers))
         self._pairs = np.arange(emitters)[:, None], np.arange(receivers)
@@ -308,32 +309,31 @@ class SimulatedPad:
         numbers = np.arange(first, until)
         began_s = self._begin_s + numbers.astype(np.float64) * self.interval_s
         flux = self._with_residue(self._flux(began_s), began_s)
-        self._recorders = [one for one in self._recorders if one.is_open]
+        if self._recorders:
+            self._recorders = [one for one in self._recorders if one.is_open]
         frames = self._frames(flux, began_s, numbers, self._recorders)
         self._next, self._last = until, frames[-1]
         return frames
 
     def _flux(self, began_s: FloatArray) -> FloatArray:
         """(n, emitter, receiver) flux of frames, each pair at the time of its conversion."""
-        untouched = self._light.untouched
-        at_s = began_s[:, None, None] + self._lit_s
-        looks = self._between(float(at_s[0].min()), float(at_s[-1].max()))
+        untouched, count = self._light.untouched, len(began_s)
+        looks = self._between(began_s[0] + self._first_s, began_s[-1] + self._last_s)
         if not any(one.touching.geoms for one in looks):
-            return np.broadcast_to(untouched, at_s.shape)
-        self._light_up(looks)
-        ratios = np.array([one.ratios for one in looks])
-        times_s = np.array([one.time_s for one in looks])
+            return np.broadcast_to(untouched, (count, *untouched.shape))
+        ratios = self._ratios(looks)
         if len(looks) == 1:
-            now = np.broadcast_to(ratios, at_s.shape)
-        elif len(looks) == 2:
-            share = np.clip((at_s - times_s[0]) / (times_s[1] - times_s[0]), 0.0, 1.0)
-            now = ratios[0] + share * (ratios[1] - ratios[0])
+            return np.broadcast_to(untouched * ratios[0], (count, *untouched.shape))
+        at_s = began_s[:, None, None] + self._lit_s
+        if len(looks) == 2:
+            share = _share(at_s, looks[0].time_s, looks[1].time_s)
+            before, behind = ratios
         else:
+            times_s, known = np.array([one.time_s for one in looks]), np.array(ratios)
             after = np.clip(np.searchsorted(times_s, at_s), 1, len(looks) - 1)
-            share = np.clip((at_s - times_s[after - 1]) / (times_s[after] - times_s[after - 1]), 0.0, 1.0)
-            before = ratios[after - 1, *self._pairs]
-            now = before + share * (ratios[after, *self._pairs] - before)
-        return np.asarray(untouched * now)
+            share = _share(at_s, times_s[after - 1], times_s[after])
+            before, behind = known[after - 1, *self._pairs], known[after, *self._pairs]
+        return np.asarray(untouched * (before + share * (behind - before)))
 
     def _between(self, first_s: float, last_s: float) -> list[_Look]:
         """The looks that are needed for the light between two times: one before or at the first, one after the last.
@@ -348,25 +348,21 @@ class SimulatedPad:
             end -= 1
         return looks[begin:end]
 
-    def _light_up(self, looks: list[_Look]) -> None:
-        """Compute the light of the looks that have none yet."""
-        new = [one for one in looks if one.ratios is None]
-        pressed = [one for one in new if one.touching.geoms]
-        for one in new:
-            one.ratios = self._ones
-        if not pressed:
-            return
-        overlap_mm = self._overlap_mm([one.touching for one in pressed])
-        deepest_mm, most_mm = overlap_mm.max(axis=1), self._light.deepest_mm
-        if deepest_mm.max() > most_mm:
-            self._warn(
-                f"an object is {deepest_mm.max():.2f} mm deep, and the map of light ends at {most_mm:.2f} mm; deeper "
-                "parts count as that deep"
-            )
-            overlap_mm = np.minimum(overlap_mm, most_mm)
-        ratios = self._light.ratios(overlap_mm)
-        for k, one in enumerate(pressed):
-            one.ratios, one.deepest_mm = ratios[k], float(deepest_mm[k])
+    def _ratios(self, looks: list[_Look]) -> list[FloatArray]:
+        """Light over the untouched light (emitter, receiver) at each look, computed where it is not known yet [-]."""
+        new = [one for one in looks if one.ratios is None and one.touching.geoms]
+        if new:
+            overlap_mm = self._overlap_mm([one.touching for one in new])
+            deepest_mm, most_mm = overlap_mm.max(axis=1).tolist(), self._light.deepest_mm
+            if max(deepest_mm) > most_mm:
+                self._warn(
+                    f"an object is {max(deepest_mm):.2f} mm deep, and the map of light ends at {most_mm:.2f} mm; "
+                    "deeper parts count as that deep"
+                )
+                overlap_mm = np.minimum(overlap_mm, most_mm)
+            for one, deep_mm, ratios in zip(new, deepest_mm, self._light.ratios(overlap_mm), strict=True):
+                one.deepest_mm, one.ratios = deep_mm, ratios
+        return [self._ones if one.ratios is None else one.ratios for one in looks]
 
     def _overlap_mm(self, many: list[Touching]) -> FloatArray:
         """Overlap (n, node) of the objects at n times with the untouched top, of each node by the deepest one [mm]."""
@@ -449,6 +445,12 @@ class SimulatedPad:
 
     def _greet(self, recorder: Recorder) -> None:
         recorder.hello(hello_message(self.config, self._interval_us), self._begin_s)
+
+
+def _share(at_s: FloatArray, before_s: FloatArray | float, after_s: FloatArray | float) -> FloatArray:
+    """Share of the way from one time to another [-], 0 before and 1 after them."""
+    share = (at_s - before_s) / (after_s - before_s)
+    return np.asarray(np.minimum(np.maximum(share, 0.0, out=share), 1.0, out=share))
 
 
 class _LatestFrames:

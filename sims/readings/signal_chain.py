@@ -268,11 +268,24 @@ class SetDraw:
     ambient_counts: float
 
     def gain(self, time_s: FloatArray) -> FloatArray:
-        """Factor (n, emitter, receiver) by which drift multiplies the signals, at times (n,) within the set [-]."""
+        """Factor (n, emitter, receiver) by which drift multiplies the signals, at times (n,) within the set [-].
+
+        It is (1, emitter, receiver) if the parts do not drift within the set.
+        """
+        if not self._drifts:
+            return self._at_start[None]
         hours = np.asarray(time_s, dtype=np.float64)[:, None] / S_PER_HOUR
         emitter = 1.0 + self.emitter_drift + hours * self.emitter_rate
         receiver = 1.0 + self.receiver_drift + hours * self.receiver_rate
         return np.asarray(emitter[:, :, None] * receiver[:, None, :])
+
+    @cached_property
+    def _drifts(self) -> bool:
+        return bool(self.emitter_rate.any() or self.receiver_rate.any())
+
+    @cached_property
+    def _at_start(self) -> FloatArray:
+        return np.asarray((1.0 + self.emitter_drift)[:, None] * (1.0 + self.receiver_drift))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -367,7 +380,7 @@ class SignalChain:
         reading = light + self.noise.dark_counts + sigma * rng.standard_normal(light.shape)
         if self.noise.quantised:
             np.rint(reading, out=reading)
-        np.clip(reading, 0.0, self.full_scale_counts, out=reading)
+        np.minimum(np.maximum(reading, 0.0, out=reading), self.full_scale_counts, out=reading)
         return np.asarray(reading)
 
     @cached_property
