@@ -303,7 +303,8 @@ def _config(text: str, where: str) -> DriverConfig:
 
 
 def _shape_of(config: DriverConfig) -> tuple[int, int]:
-    return frame_format(config).states, frame_format(config).receivers
+    layout = frame_format(config)
+    return layout.emitters + 1, layout.receivers
 
 
 def _seconds(time_ns: IntArray) -> FloatArray:
