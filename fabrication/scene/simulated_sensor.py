@@ -76,7 +76,7 @@ class SimulatedSensor:
             _require_apart(self, beside, step)
             self._step, self._together = beside._step, beside._together
             self._together.append(self)
-        self.look()
+        pad.observe(data)
 
     def __enter__(self) -> Self:
         return self
@@ -190,6 +190,7 @@ class SimulatedSensor:
     @property
     def silent_s(self) -> float:
         """Time since the latest frame was delivered [s]."""
+        self.look()
         return max(float(self._data.time) - self.pad.last.host_s, 0.0)
 
     @property
