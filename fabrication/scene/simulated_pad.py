@@ -48,7 +48,7 @@ import os
 import warnings
 from contextlib import ExitStack
 from dataclasses import replace
-from typing import TYPE_CHECKING, Protocol, cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -68,10 +68,11 @@ from optopad.fabrication.driver.simulated.board import PadMemory, hello_message
 from optopad.fabrication.driver.touch_reader import Touch, TouchReader
 from optopad.fabrication.driver_config import driver_config
 from optopad.fabrication.driver_file import DriverConfig
+from optopad.fabrication.scene.pad_light import PadLight
 from optopad.fabrication.scene.touching import PadTop, Touching
+from optopad.fabrication.scene.unit_light import drawn_design, unit_light
 from optopad.sims.readings.readout import readout_of
 from optopad.sims.readings.signal_chain import SignalChain, chain_of
-from optopad.sims.robot.shapes import Shape
 
 if TYPE_CHECKING:
     from mujoco import MjData, MjModel
@@ -83,28 +84,6 @@ SEEN_MM = 0.05
 """Depth of a contact by MuJoCo above which the map of light must show an overlap [mm]."""
 SAME_S = 1e-9
 """Times closer than this are equal: the rounding of sums of time steps [s]."""
-
-
-class PadLight(Protocol):
-    """The light of a pad under objects, as `optopad.sims.robot.fast_light.FastLight` has it."""
-
-    @property
-    def digest(self) -> str:
-        """Digest of the design."""
-
-    @property
-    def untouched(self) -> FloatArray:
-        """(emitter, receiver) flux of the untouched pad, as a share of the emitted power [-]."""
-
-    @property
-    def deepest_mm(self) -> float:
-        """Largest overlap that the map of light covers [mm]."""
-
-    def overlap_mm(self, shape: Shape, centre_mm: FloatArray, turn: FloatArray) -> FloatArray:
-        """Overlap (n, node) of a shape in n poses with the untouched top [mm]."""
-
-    def ratios(self, overlap_mm: FloatArray) -> FloatArray:
-        """(n, emitter, receiver) light over the untouched light, for overlaps (n, node) [-]."""
 
 
 class _Look:
@@ -124,9 +103,12 @@ class SimulatedPad:
     Parameters
     ----------
     model : compiled model with the pad that `optopad scene` wrote for the design
-    design : the pad's design, or a calibrated one of a manufactured unit
+    design : the pad's design
     name : name of the pad: "left" if it was attached with the prefix "left_"; "" for a pad without a prefix
     light : map of the pad's light, or its file; if None, the one that `optopad scene DESIGN --fit` stored
+    build : number of a unit, which is drawn within the design's tolerances and unmeasured values; or the design of a
+        manufactured unit, as `optopad calibrate` writes it. Its light is traced and fitted (`unit_light`), which takes
+        some 20 s the first time. If None, the pad is as designed
     seed : seed of drift and noise
     touch_model : trained model for `touch`; None if that is not needed
     touches : largest number of touches in a frame, 1 or 2
@@ -157,6 +139,7 @@ class SimulatedPad:
         name: str = "",
         *,
         light: PadLight | str | os.PathLike[str] | None = None,
+        build: int | SensorDesign | None = None,
         seed: int = 0,
         touch_model: TouchModel | None = None,
         touches: int = 1,
@@ -169,6 +152,10 @@ class SimulatedPad:
         self._top = PadTop(model, name)
         self._light = _light_of(design, light)
         self._chain, self.config = _electronics(design, self._light.untouched)
+        if build is not None:
+            unit = drawn_design(design, build) if isinstance(build, int) else build
+            self._light = unit_light(self._light, design, unit)
+            self._chain, _ = _electronics(unit, self._light.untouched)
         if design.noise.wall_unbonded_share:
             self._warn("noise.wall_unbonded_share is not simulated; the walls stay bonded")
         self.descriptor: Descriptor = descriptor_of(self.config)

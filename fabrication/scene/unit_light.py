@@ -1,0 +1,216 @@
+"""The light of one manufactured unit, from the map of light of its design and some traced presses of the unit.
+
+A unit differs from its design by the tolerances of its manufacture and by the values that nobody has measured
+(`optopad.design.spec.tolerances`). A map of light of its own would take as long as that of the design. Here the unit's
+untouched light is traced, and the change of light under objects is corrected by what `PRESSES` traced presses of the
+tip show, at random locations and depths:
+
+    r(o) = r₀(s o) + f(r₀(s o)),   f(x) = Σₖ wₖ (k(x, xₖ) - k(x, 1) k(1, xₖ)),   k(x, y) = exp(-|x - y|² / 2 l²)
+
+with the overlaps o of the objects, the ratios r₀ of all pairs by the map of the design, one factor s for the overlaps,
+and a kernel ridge regression f of what remains. The factor is physical: parts that are closer to the top see the same
+dimple as a deeper one. What remains has no simple form: scaling the logarithm of each pair's ratio, by one factor for
+each pair or by factors that depend on location and depth, explains next to nothing of it. All pairs together tell where
+an object is, so f needs no coordinates of it and takes any object. f is 0 on the untouched pad.
+
+Factor, width l and ridge have the least error at the presses themselves, each left out in turn. This error is stated
+(`UnitLight.error`) next to that of the design's own map at the same presses (`UnitLight.error_of_design`).
+
+Left out: scatter between parts of one kind, as in the tolerances; objects unlike the tip, whose error may be larger;
+the force of the unit, and the height of its top in the scene, which stay those of the design. The gains are set anew on
+a unit, as for the units that `optopad score --builds` judges.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from optopad.design.arrays import FloatArray
+from optopad.design.draft import Draft
+from optopad.design.errors import InputError, OptopadError
+from optopad.design.shape.cavity import cavity_of
+from optopad.design.spec import SensorDesign
+from optopad.design.spec.tolerances import build_tolerances
+from optopad.fabrication.driver_config import surface_of
+from optopad.fabrication.scene.pad_light import PadLight
+from optopad.sims.optics.tracing import trace
+from optopad.sims.robot.shapes import Shape
+from optopad.sims.verdict.builds import drawn_values
+
+PRESSES = 200
+LEAST_MM = 0.1
+"""Depth of the lightest traced press [mm]."""
+ACCURACY = "draft"
+OF_THE_OBJECT = "indenter."
+"""Begin of the paths of tolerances that are not the pad's."""
+FACTORS = np.linspace(0.7, 1.3, 25)
+WIDTHS = np.array([0.5, 0.7, 1.0, 1.4, 2.0])
+"""Widths of the kernel that are tried [-], for 64 pairs; they grow with the root of the number of pairs."""
+RIDGES = (0.003, 0.01, 0.03, 0.1, 0.3)
+FAINTEST = 1e-3
+"""Least untouched light in a ratio, divided by the median over pairs [-]."""
+
+
+def drawn_design(design: SensorDesign, build: int) -> SensorDesign:
+    """The design of a unit, with all toleranced and unmeasured values of the pad drawn at once.
+
+    Parameters
+    ----------
+    build : number of the unit, the seed of the draw
+
+    Raises
+    ------
+    InputError : the number is below 0.
+    """
+    if build < 0:
+        raise InputError(f"build: {build} is refused; give a number of 0 or more")
+    tolerances = [one for one in build_tolerances(design) if not one.path.startswith(OF_THE_OBJECT)]
+    if not tolerances:
+        return design
+    values = drawn_values(tolerances, 1, build)[0]
+    return design.with_(**{one.path: float(value) for one, value in zip(tolerances, values, strict=True)})
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class UnitLight:
+    """The light of a unit under objects, with the methods of the map of light of its design.
+
+    Attributes
+    ----------
+    base : map of light of the design
+    untouched : (emitter, receiver) flux of the unit without contact [-]
+    factor : factor of the overlaps [-]
+    known : (m, pair) ratios by the design's map at the traced presses [-]
+    weights : (m, pair) weights of the kernel at them [-]
+    width : width of the kernel [-]
+    error, error_of_design : root mean square error of this map and of the design's own at the unit's traced presses,
+        each left out in turn [-]
+    """
+
+    base: PadLight
+    untouched: FloatArray
+    factor: float
+    known: FloatArray
+    weights: FloatArray
+    width: float
+    error: float
+    error_of_design: float
+
+    @property
+    def digest(self) -> str:
+        """Digest of the design."""
+        return self.base.digest
+
+    @property
+    def deepest_mm(self) -> float:
+        """Largest overlap that the map of light covers [mm]."""
+        return self.base.deepest_mm
+
+    def overlap_mm(self, shape: Shape, centre_mm: FloatArray, turn: FloatArray) -> FloatArray:
+        """Overlap (n, node) of a shape in n poses with the untouched top [mm]."""
+        return self.base.overlap_mm(shape, centre_mm, turn)
+
+    def ratios(self, overlap_mm: FloatArray) -> FloatArray:
+        """(n, emitter, receiver) light over the untouched light, for overlaps (n, node) [-]."""
+        scaled_mm = np.minimum(overlap_mm * self.factor, self.base.deepest_mm)
+        base = self.base.ratios(scaled_mm)
+        flat = base.reshape(len(base), -1)
+        found = flat + _kernel(flat, self.known, self.width) @ self.weights
+        found = np.where(overlap_mm.max(axis=1, keepdims=True) > 0.0, np.maximum(found, 0.0), 1.0)
+        return np.asarray(found.reshape(base.shape))
+
+
+def unit_light(light: PadLight, design: SensorDesign, unit: SensorDesign, *, seed: int = 0) -> UnitLight:
+    """The light of a unit, from the map of light of its design and `PRESSES` traced presses.
+
+    Traced light is kept on disk, so the same unit takes its time once: about 20 s with 8 + 8 parts on one core.
+
+    Raises
+    ------
+    InputError : the unit has other parts than the design, or the models do not cover it.
+    """
+    if unit_parts(unit) != unit_parts(design):
+        raise InputError("build: the unit has other parts than the design; give a design calibrated from it")
+    press_mm = _presses_mm(light, design, seed)
+    own, cavity = cavity_of(unit), cavity_of(design)
+    moved_mm = [(own.length_mm - cavity.length_mm) / 2, (own.width_mm - cavity.width_mm) / 2, 0.0]
+    try:
+        flux = trace(Draft.of(unit), press_mm + moved_mm, accuracy=ACCURACY, seed=seed).flux
+    except OptopadError as err:
+        raise InputError(f"build: the models do not cover this unit: {err}; draw another one") from err
+    untouched = flux[0]
+    floor = np.maximum(untouched, FAINTEST * np.median(untouched))
+    overlap_mm = _overlaps_mm(light, design, press_mm[1:])
+    return _fitted(light, untouched, overlap_mm, (flux[1:] / floor).reshape(len(overlap_mm), -1))
+
+
+def unit_parts(design: SensorDesign) -> tuple[int, int]:
+    """Numbers of emitters and receivers of a design."""
+    cavity = cavity_of(design)
+    return len(cavity.emitters), len(cavity.receivers)
+
+
+def _presses_mm(light: PadLight, design: SensorDesign, seed: int) -> FloatArray:
+    """The untouched pad, then presses (1 + m, 3) at random over the workspace and the depth [mm]."""
+    space, rng = cavity_of(design).workspace, np.random.default_rng(seed)
+    deepest_mm = min(design.operating.max_depth_mm, light.deepest_mm)
+    places = np.empty((0, 2))
+    while len(places) < PRESSES:
+        tried = rng.uniform((space.x0_mm, space.y0_mm), (space.x1_mm, space.y1_mm), (PRESSES, 2))
+        places = np.concatenate([places, tried[space.contains(*tried.T)]])
+    press_mm = np.column_stack([places[:PRESSES], rng.uniform(LEAST_MM, deepest_mm, PRESSES)])
+    return np.concatenate([[[*places[0], 0.0]], press_mm])
+
+
+def _overlaps_mm(light: PadLight, design: SensorDesign, press_mm: FloatArray) -> FloatArray:
+    """Overlap (m, node) of the tip at presses (m, 3) [mm]."""
+    radius_mm, surface = design.indenter.tip_radius_mm, surface_of(design)
+    found = [surface.point_and_normal(x, y) for x, y in press_mm[:, :2].tolist()]
+    points, normals = (np.array(each) for each in zip(*found, strict=True))
+    centre_mm = points + normals * (radius_mm - press_mm[:, 2:])
+    turn = np.broadcast_to(np.eye(3), (len(press_mm), 3, 3))
+    return light.overlap_mm(Shape(kind="sphere", size_mm=np.array([radius_mm, 0.0, 0.0])), centre_mm, turn)
+
+
+def _fitted(light: PadLight, untouched: FloatArray, overlap_mm: FloatArray, ratios: FloatArray) -> UnitLight:
+    def known(factor: float) -> FloatArray:
+        scaled = light.ratios(np.minimum(overlap_mm * factor, light.deepest_mm))
+        return scaled.reshape(len(overlap_mm), -1)
+
+    factor = min(FACTORS, key=lambda one: _rms(known(one) - ratios))
+    base, most = known(factor), np.sqrt(ratios.shape[1]) / 8.0
+    fits = [_left_out(base, ratios - base, width * most, ridge) for width in WIDTHS for ridge in RIDGES]
+    error, width, weights = min(fits, key=lambda one: one[0])
+    return UnitLight(
+        base=light,
+        untouched=untouched,
+        factor=float(factor),
+        known=base,
+        weights=weights,
+        width=width,
+        error=error,
+        error_of_design=_rms(known(1.0) - ratios),
+    )
+
+
+def _left_out(
+    known: FloatArray, rest: FloatArray, width: float, ridge: float
+) -> tuple[float, float, FloatArray]:
+    """Error of a kernel ridge regression of `rest` with each row left out in turn; its width and weights."""
+    inverse = np.linalg.inv(_kernel(known, known, width) + ridge * np.eye(len(known)))
+    weights = inverse @ rest
+    return _rms(weights / np.diag(inverse)[:, None]), width, weights
+
+
+def _kernel(one: FloatArray, other: FloatArray, width: float) -> FloatArray:
+    """Kernel (n, m) of ratios (n, pair) and (m, pair), which is 0 where either is of the untouched pad."""
+    apart = (one**2).sum(axis=1)[:, None] + (other**2).sum(axis=1) - 2.0 * one @ other.T
+    from_rest = [((each - 1.0) ** 2).sum(axis=1) for each in (one, other)]
+    scale = -0.5 / width**2
+    return np.asarray(np.exp(scale * apart) - np.exp(scale * (from_rest[0][:, None] + from_rest[1])))
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2)))

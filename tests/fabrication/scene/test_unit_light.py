@@ -1,0 +1,95 @@
+"""The light of a manufactured unit, fitted to traced presses of it on top of the map of light of its design."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from optopad.design.errors import InputError
+from optopad.design.spec.tolerances import build_tolerances
+from optopad.fabrication.scene import unit_light as module
+from optopad.fabrication.scene.simulated_pad import SimulatedPad
+from optopad.fabrication.scene.unit_light import UnitLight, drawn_design, unit_light
+from optopad.sims.robot.shapes import Shape
+from tests.fabrication.scene.made_up_scene import DESIGN, Press, StandInLight, ball, pad_body, scene
+
+LEVEL = np.eye(3)[None]
+
+
+class OtherUnit(StandInLight):
+    """Light of a unit that sees dimples as 1.2 times as deep, and loses other shares of it."""
+
+    def ratios(self, overlap_mm: np.ndarray) -> np.ndarray:
+        spread = 1.0 + 0.3 * np.sin(np.arange(64).reshape(8, 8))
+        return np.exp(spread * np.log(super().ratios(1.2 * overlap_mm)) * 1.0)
+
+
+@pytest.fixture(scope="module")
+def unit() -> UnitLight:
+    light, truth = StandInLight(), OtherUnit()
+
+    def traced(_draft: Any, press_mm: np.ndarray, **_: Any) -> SimpleNamespace:
+        overlap_mm = module._overlaps_mm(light, DESIGN, press_mm[1:])
+        flux = 1.1 * truth.untouched * np.concatenate([np.ones((1, 8, 8)), truth.ratios(overlap_mm)])
+        return SimpleNamespace(flux=flux)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "trace", traced)
+        return unit_light(light, DESIGN, DESIGN)
+
+
+def test_a_fitted_unit_is_nearer_to_the_truth_than_its_design(unit: UnitLight) -> None:
+    rng, truth = np.random.default_rng(9), OtherUnit()
+    tip = Shape(kind="sphere", size_mm=np.array([DESIGN.indenter.tip_radius_mm, 0.0, 0.0]))
+    top_mm = truth.points_mm[0, 2] + DESIGN.indenter.tip_radius_mm
+    centre_mm = np.column_stack([rng.uniform(5, 11, (50, 2)), top_mm - rng.uniform(0.2, 2.5, 50)])
+    overlap_mm = truth.overlap_mm(tip, centre_mm, np.broadcast_to(LEVEL, (50, 3, 3)))
+    exact = truth.ratios(overlap_mm)
+    error = module._rms(unit.ratios(overlap_mm) - exact)
+    assert unit.factor == pytest.approx(1.2, abs=0.1)
+    assert error < 0.3 * module._rms(unit.base.ratios(overlap_mm) - exact)
+    assert error < 1.5 * unit.error
+    assert unit.error < 0.3 * unit.error_of_design
+
+
+def test_an_untouched_unit_has_exactly_its_untouched_light(unit: UnitLight) -> None:
+    nodes = len(StandInLight().points_mm)
+    assert (unit.ratios(np.full((2, nodes), -0.1)) == 1.0).all()
+    nearly = np.full((1, nodes), -0.1)
+    nearly[0, 112] = 1e-6
+    assert np.abs(unit.ratios(nearly) - 1.0).max() < 1e-5
+    np.testing.assert_allclose(unit.untouched, 1.1 * StandInLight().untouched)
+
+
+def test_units_are_drawn_within_the_tolerances_of_the_pad_alone() -> None:
+    one, other = (drawn_design(DESIGN, build) for build in (0, 1))
+    assert one.digest == drawn_design(DESIGN, 0).digest != other.digest
+    assert one.indenter == DESIGN.indenter
+    for tolerance in build_tolerances(DESIGN):
+        value = one
+        for name in tolerance.path.split("."):
+            value = value[name] if isinstance(value, dict) else getattr(value, name)
+        assert tolerance.low <= float(value) <= tolerance.high or tolerance.path.startswith("part_")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="give a number of 0 or more"):
+        drawn_design(DESIGN, -1)
+
+
+def test_a_design_with_other_parts_is_no_unit_of_this_one() -> None:
+    with pytest.raises(InputError, match="other parts than the design"):
+        unit_light(StandInLight(), DESIGN, DESIGN.with_(**{"layout.0.parts_per_side": 2}))
+
+
+def test_a_simulated_unit_keeps_the_configuration_of_its_design(
+    unit: UnitLight, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("optopad.fabrication.scene.simulated_pad.unit_light", lambda *_: unit)
+    press = Press(scene(pad_body(), ball()), 8.0, 8.0)
+    designed = SimulatedPad(press.model, DESIGN, light=StandInLight())
+    built = SimulatedPad(press.model, DESIGN, light=StandInLight(), build=3)
+    assert built.config == designed.config
+    press.to(1.0)
+    one, other = designed.frame(press.data).normalised, built.frame(press.data).normalised
+    assert other.min() < one.min() - 0.02
