@@ -382,7 +382,7 @@ class SimulatedPad:
         kind = text.split()[0]
         if kind not in self._warned:
             self._warned.add(kind)
-            warnings.warn(f"pad {self.name!r}: {text}", stacklevel=7)
+            warnings.warn(f"pad {self.name!r}: {text}", stacklevel=6)
 
     def _with_residue(self, flux: FloatArray, began_s: FloatArray) -> FloatArray:
         """Flux of frames with what earlier presses left in the silicone."""
