@@ -26,8 +26,9 @@ MuJoCo raises a smaller T, which would change the force; so `tuned` refuses step
 With a pyramidal friction cone MuJoCo adds 2 (n - 1) edges (n is `condim`) of R = 2 µ² / impratio · (1 - d) / d ·
 (1 + µ²) Â each. `tuned` multiplies the inverse weight by the quotient, so that the force is that of an elliptic cone.
 
-Left out: an area of contact. Each contact point has the force of a ball, so a face, which MuJoCo presses with up to
-four points, has four times that of a ball, whatever its size.
+Left out: the form of the object. Each contact point has the force of the tip's ball: a larger ball presses too lightly,
+and a face, which MuJoCo presses with up to four points, has four times the force of a ball, whatever its size.
+`stiffness` of `tuned` corrects the force of one kind of object.
 """
 
 from __future__ import annotations
@@ -152,7 +153,7 @@ def _least_error(*shapes: FloatArray) -> tuple[tuple[float, ...], float]:
     return tuple(float(one) for one in found[:-1]), float(found[-1])
 
 
-def tuned(model: mujoco.MjModel, name: str = "") -> int:
+def tuned(model: mujoco.MjModel, name: str = "", *, stiffness: float = 1.0) -> int:
     """Set the inverse weight of a pad in a compiled model, so that forces follow the contact model.
 
     To be called once after the model is compiled, and again after `mj_setConst`, which computes inverse weights anew.
@@ -160,6 +161,7 @@ def tuned(model: mujoco.MjModel, name: str = "") -> int:
     Parameters
     ----------
     name : the pad's name, which was given as prefix ``name_`` when it was attached; "" without prefix
+    stiffness : factor of all forces, for objects that are unlike a ball of the tip's radius [-]
 
     Returns
     -------
@@ -167,11 +169,13 @@ def tuned(model: mujoco.MjModel, name: str = "") -> int:
 
     Raises
     ------
-    InputError : the model has no such pad, or its time step is too long for the fit.
+    InputError : the model has no such pad, its time step is too long for the fit, or the factor is out of range.
     """
     import mujoco
 
     geom = pad_geom(model, name)
+    if not 0.01 <= stiffness <= 100.0:
+        raise InputError(f"stiffness: {stiffness:g} is refused; give a factor of the force from 0.01 to 100")
     step = float(model.opt.timestep)
     if step > LARGEST_STEP_S * (1.0 + 1e-9):
         raise InputError(
@@ -188,7 +192,7 @@ def tuned(model: mujoco.MjModel, name: str = "") -> int:
     dimensions, friction = int(model.geom_condim[geom]), float(model.geom_friction[geom, 0])
     if model.opt.cone == mujoco.mjtCone.mjCONE_PYRAMIDAL and dimensions > 1:
         weight *= (dimensions - 1) * model.opt.impratio / (friction**2 * (1.0 + friction**2))
-    model.body_invweight0[body] = weight
+    model.body_invweight0[body] = weight / stiffness
     return geom
 
 

@@ -82,13 +82,11 @@ def pad_spec(design: SensorDesign) -> mujoco.MjSpec:
     pad = spec.worldbody.add_body(name="pad")
     pad.add_site(name="pad_mount", size=[M_PER_MM] * 3, group=HIDDEN)
     pad.add_site(name="pad_cavity", pos=_m(-origin), size=[M_PER_MM] * 3, group=HIDDEN)
-    for name, (mesh, mass), rgba in (
-        ("pad_mold", _mold(design), MOLD_RGBA),
-        ("pad_silicone", _silicone(design), SILICONE_RGBA),
-    ):
-        _add_mesh(spec, name, mesh.vertices - origin, mesh.triangles)
+    masses = {"pad_mold": _mold(design)[1], "pad_silicone": _silicone(design)[1]}
+    for (name, mesh), rgba in zip(pad_meshes(design).items(), (MOLD_RGBA, SILICONE_RGBA), strict=True):
+        _add_mesh(spec, name, mesh.vertices, mesh.triangles)
         pad.add_geom(
-            name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, mass=mass, rgba=rgba, group=SEEN,
+            name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, mass=masses[name], rgba=rgba, group=SEEN,
             contype=0, conaffinity=0,
         )  # fmt: skip
     for name, block in _walls(outline):
@@ -179,6 +177,15 @@ def _add_taxels(spec: mujoco.MjSpec, pad: mujoco.MjsBody, design: SensorDesign, 
         name="pad_tactile", type=mujoco.mjtSensor.mjSENS_TACTILE, objtype=mujoco.mjtObj.mjOBJ_MESH,
         objname="pad_taxels", reftype=mujoco.mjtObj.mjOBJ_GEOM, refname="pad_taxels",
     )  # fmt: skip
+
+
+def pad_meshes(design: SensorDesign) -> dict[str, Mesh]:
+    """Visual meshes by name, with their origin at the mount [mm]."""
+    origin = _origin_mm(Draft.of(design).outline)
+    return {
+        name: Mesh(vertices=(mesh.vertices - origin).astype(np.float32), triangles=mesh.triangles)
+        for name, (mesh, _) in (("pad_mold", _mold(design)), ("pad_silicone", _silicone(design)))
+    }
 
 
 @once
