@@ -52,7 +52,7 @@ if TYPE_CHECKING:
 LARGEST_STEP_S = 0.004
 """Largest time step for which the contact is fitted [s]."""
 TIME_CONSTANT_S = 2.0 * LARGEST_STEP_S
-"""Time constant T of the contact [s]; MuJoCo raises it to two steps where it is less."""
+"""Time constant T of the contact [s]; MuJoCo raises it to two steps if it is less."""
 LEAST_GAP = 1.2e-4
 """1 - d of a deep press [-]; MuJoCo allows 1e-4 and more."""
 POWER = 70.0
@@ -99,6 +99,11 @@ class ContactFit:
         stiffness = 1.0 / (high * self.solref[0] * self.solref[1]) ** 2
         found = stiffness * impedance**2 * depth_m / ((1.0 - impedance) * self.inverse_weight)
         return np.asarray(found)
+
+    @property
+    def largest_step_s(self) -> float:
+        """Largest time step for which the fit holds [s]."""
+        return self.solref[0] / 2.0
 
     @property
     def error(self) -> FloatArray:

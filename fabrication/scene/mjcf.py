@@ -31,6 +31,7 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import Delaunay
 
 from optopad.cad.mesh import Mesh, mesh_of
@@ -147,7 +148,7 @@ def _m(mm: FloatArray) -> list[float]:
 def _add_mesh(
     spec: mujoco.MjSpec,
     name: str,
-    vertices_mm: FloatArray,
+    vertices_mm: FloatArray | NDArray[np.float32],
     triangles: IntArray,
     normals: FloatArray | None = None,
 ) -> None:
