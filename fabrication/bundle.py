@@ -44,7 +44,7 @@ from optopad.design.io import save_design, write_text_atomically
 from optopad.design.spec import SensorDesign
 
 MANIFEST = "manifest.json"
-FOLDERS = ("cad", "fabrication", "sims")
+FOLDERS = ("cad", "fabrication", "scene", "sims")
 """Subfolders of a bundle that commands write into; files elsewhere in the bundle belong to the user."""
 WAY_OUT = "choose another folder with --out (an earlier bundle is intact)"
 ROOMS, SOURCES = ("design", "cad", "sims", "fabrication"), ("*.py", "*.toml", "*.npz", "*.j2")

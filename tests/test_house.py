@@ -86,7 +86,7 @@ ALLOWED = {
         "pyarrow",
         "zstandard",
     },
-    "fabrication/scene": {"mujoco", "numpy"},
+    "fabrication/scene": {"mujoco", "numpy", "scipy"},
     "fabrication/stage": {"numpy"},
     "optopad/studio/view": {"viser", "websockets", "msgspec", "numpy"},  # both are what viser speaks with
     "optopad": {

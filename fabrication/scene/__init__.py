@@ -1,4 +1,4 @@
-"""The pad in a robot's simulation: its MJCF, and its twin that gives the frames of its board.
+"""The pad in MuJoCo: its body with contact, mass and taxels, a demo scene, and the twin that gives the frames of its board.
 
 Imports within this repository: design, cad, sims, the driver.
 """

@@ -38,6 +38,7 @@ GROUPS: dict[str, dict[str, str]] = {
         "rays": "Draw paths of light, without contact and pressed.",
         "contact": "Compute surface and force of a press.",
         "predict": "Predict the errors of location and depth of a sensor.",
+        "scene": "Write the pad as a MuJoCo model, and a demo scene.",
     },
     "Search": {
         "improve": "Change a design until its verdict is better.",

@@ -47,6 +47,7 @@ STAGE_TITLES = {
     "builds": "Monte Carlo over tolerances",
     "rays": "sample paths",
     "mold": "mold and tools",
+    "scene": "MuJoCo model of the pad, and a demo scene",
     "mold beside": "mold and tools: wait",
     "presses": "presses of the stage",
     "files": "build sheet, driver config, report",

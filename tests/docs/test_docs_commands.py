@@ -49,6 +49,7 @@ RUN_ELSEWHERE = {
     "press": "optopad/cli/test_cli_press.py",
     "rays": "optopad/cli/test_cli_rays.py",
     "report": "optopad/verbs/test_run.py",
+    "scene": "optopad/verbs/test_scene.py",
     "schema": "optopad/cli/test_cli_verbs.py",
     "score": "optopad/verbs/test_score_builds.py",
     "simulate": "optopad/cli/test_cli_protocol.py",
