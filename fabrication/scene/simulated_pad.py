@@ -100,6 +100,8 @@ class _Look:
 class SimulatedPad:
     """A pad of a compiled MuJoCo model, whose frames are those of its board.
 
+    Its contact in the model is tuned (`contact_fit.tuned`), so that forces follow the contact model.
+
     Parameters
     ----------
     model : compiled model with the pad that `optopad scene` wrote for the design
@@ -114,6 +116,7 @@ class SimulatedPad:
     touches : largest number of touches in a frame, 1 or 2
     rate_hz : frames per second; 0 for the board's highest rate. If None, the design's rate is used
     is_ambient : whether there is the design's ambient light
+    stiffness : factor of the contact's forces, as in `contact_fit.tuned` [-]
     baseline_s : time for which the untouched pad was read before the simulation, for `baseline` [s]; 0 for no baseline
 
     Attributes
@@ -129,7 +132,8 @@ class SimulatedPad:
 
     Raises
     ------
-    InputError : the model has no pad of this name; there is no map of light for the design, or it is of another.
+    InputError : the model has no pad of this name and design, or too long a time step; there is no map of light for the
+        design, or it is of another.
     """
 
     def __init__(
@@ -145,11 +149,12 @@ class SimulatedPad:
         touches: int = 1,
         rate_hz: float | None = None,
         is_ambient: bool = True,
+        stiffness: float = 1.0,
         baseline_s: float = BASELINE_S,
     ) -> None:
         self.model, self.name = model, name
         self._warned: set[str] = set()
-        self._top = PadTop(model, name)
+        self._top = PadTop(model, name, design.digest, stiffness)
         self._light = _light_of(design, light)
         self._chain, self.config = _electronics(design, self._light.untouched)
         if build is not None:
