@@ -7,11 +7,9 @@
 
 From objects to a frame
 -----------------------
-    geoms in contact with the pad's top ──► overlap with the untouched top at the nodes of the map of light
+    geoms in contact with the pad's top ──► their imprint in the untouched top, at the nodes of the map of light
     ──► light of every pair over its untouched light ──► interpolated to the time of the pair's conversion
     ──► gains, drift, noise, ambient light, dark states, full scale (`optopad.sims.readings.signal_chain`)
-
-Several objects press the pad as one that overlaps it by the larger of their overlaps.
 
 Times
 -----
@@ -73,6 +71,7 @@ from optopad.fabrication.scene.touching import PadTop, Touching
 from optopad.fabrication.scene.unit_light import drawn_design, unit_light
 from optopad.sims.readings.readout import readout_of
 from optopad.sims.readings.signal_chain import SignalChain, chain_of
+from optopad.sims.robot.fast_light import Imprint, fast_light, load_fast_light, together
 
 if TYPE_CHECKING:
     from mujoco import MjData, MjModel
@@ -344,43 +343,36 @@ class SimulatedPad:
         """Light over the untouched light (emitter, receiver) at each look, computed where it is not known yet [-]."""
         new = [one for one in looks if one.ratios is None and one.touching.geoms]
         if new:
-            overlap_mm = self._overlap_mm([one.touching for one in new])
-            deepest_mm, most_mm = overlap_mm.max(axis=1).tolist(), self._light.deepest_mm
+            imprint = self._imprint([one.touching for one in new])
+            deepest_mm, most_mm = imprint.deepest_mm.tolist(), self._light.deepest_mm
             if max(deepest_mm) > most_mm:
                 self._warn(
                     f"an object is {max(deepest_mm):.2f} mm deep, and the map of light ends at {most_mm:.2f} mm; "
-                    "deeper parts count as that deep"
+                    "deeper objects count as that deep"
                 )
-                overlap_mm = np.minimum(overlap_mm, most_mm)
-            for one, deep_mm, ratios in zip(new, deepest_mm, self._light.ratios(overlap_mm), strict=True):
+            for one, deep_mm, ratios in zip(new, deepest_mm, self._light.ratios(imprint), strict=True):
                 one.deepest_mm, one.ratios = deep_mm, ratios
         return [self._ones if one.ratios is None else one.ratios for one in looks]
 
-    def _overlap_mm(self, many: list[Touching]) -> FloatArray:
-        """Overlap (n, node) of the objects at n times with the untouched top, of each node by the deepest one [mm]."""
-        found: FloatArray | None = None
+    def _imprint(self, many: list[Touching]) -> Imprint:
+        """Imprint of all objects at n times."""
+        found = []
         for geom in sorted({geom for one in many for geom in one.geoms}):
             shape = self._top.shape(geom)
             assert shape is not None
             rows = [(k, one.geoms.index(geom)) for k, one in enumerate(many) if geom in one.geoms]
-            own_mm = self._light.overlap_mm(
+            own = self._light.imprint(
                 shape,
                 np.array([many[k].centre_mm[place] for k, place in rows]),
                 np.array([many[k].turn[place] for k, place in rows]),
             )
-            if len(rows) == len(many):
-                found = own_mm if found is None else np.maximum(found, own_mm)
-            else:
-                at = [k for k, _ in rows]
-                found = np.full((len(many), own_mm.shape[1]), -np.inf) if found is None else found
-                found[at] = np.maximum(found[at], own_mm)
-            if any(many[k].pressed_mm[place] > SEEN_MM for k, place in rows) and own_mm.max() <= 0.0:
+            if any(many[k].pressed_mm[place] > SEEN_MM for k, place in rows) and own.overlap_mm.max() <= 0.0:
                 self._warn(
                     f"the geom {self._top.geom_name(geom)} touches the pad beside the area of the map of light, at its "
                     "rim or walls; the frames show nothing of it"
                 )
-        assert found is not None
-        return found
+            found.append(own.among([k for k, _ in rows], len(many)))
+        return together(found)
 
     def _warn(self, text: str) -> None:
         """Warn once of each kind of limit; the first words tell the kinds apart."""
@@ -465,8 +457,6 @@ class _LatestFrames:
 
 def _light_of(design: SensorDesign, light: PadLight | str | os.PathLike[str] | None) -> PadLight:
     if light is None or isinstance(light, str | os.PathLike):
-        from optopad.sims.robot.fast_light import fast_light, load_fast_light
-
         found: PadLight = fast_light(design) if light is None else load_fast_light(light)
     else:
         found = light

@@ -17,6 +17,7 @@ from optopad.design.arrays import FloatArray
 from optopad.design.shape.cavity import cavity_of
 from optopad.design.spec import SensorDesign
 from optopad.sims.readings.signal_chain import without_noise
+from optopad.sims.robot.fast_light import Imprint
 from optopad.sims.robot.shapes import Shape, overlap_mm
 
 TIP_RADIUS_MM = 5.0
@@ -35,7 +36,6 @@ class StandInLight:
         height = np.full(225, self._cavity.clear_mm)
         self.points_mm = np.column_stack([one.ravel() for one in np.meshgrid(x, y)] + [height])
         self.normals = np.array([[0.0, 0.0, 1.0]])
-        self.evaluated = 0
 
     @cached_property
     def untouched(self) -> FloatArray:
@@ -53,12 +53,18 @@ class StandInLight:
         far_mm = np.linalg.norm(nodes - start - along[..., None] * way, axis=-1)
         return 0.03 * np.exp(-((far_mm / 2.0) ** 2))
 
-    def overlap_mm(self, shape: Shape, centre_mm: FloatArray, turn: FloatArray) -> FloatArray:
-        return overlap_mm(shape, centre_mm, turn, self.points_mm, self.normals)
+    def imprint(self, shape: Shape, centre_mm: FloatArray, turn: FloatArray) -> Imprint:
+        return flat_imprint(overlap_mm(shape, centre_mm, turn, self.points_mm, self.normals))
 
-    def ratios(self, overlap_mm: FloatArray) -> FloatArray:
-        self.evaluated += len(overlap_mm)
-        return np.exp(-np.tensordot(np.maximum(overlap_mm, 0.0), self.kernel, 1))
+    def ratios(self, imprint: Imprint) -> FloatArray:
+        overlap = imprint.limited(self.deepest_mm).overlap_mm
+        return np.exp(-np.tensordot(np.maximum(overlap, 0.0), self.kernel, 1))
+
+
+def flat_imprint(overlap_mm: FloatArray) -> Imprint:
+    """Imprint with given overlaps (n, node)."""
+    balls = np.empty((len(overlap_mm), 0, 3))
+    return Imprint(overlap_mm=overlap_mm, balls_mm=balls, deepest_mm=overlap_mm.max(axis=1))
 
 
 def pad_body(prefix: str = "", at_m: float = 0.0, design: SensorDesign = DESIGN) -> str:

@@ -12,6 +12,7 @@ import optopad
 from optopad.design.errors import InputError
 from optopad.fabrication.driver.link.frames import Frame
 from optopad.fabrication.scene.simulated_pad import SimulatedPad
+from optopad.sims.robot.fast_light import Imprint
 from tests.fabrication.scene.made_up_scene import (
     DESIGN,
     QUIET,
@@ -19,6 +20,7 @@ from tests.fabrication.scene.made_up_scene import (
     Press,
     StandInLight,
     ball,
+    flat_imprint,
     pad_body,
     scene,
 )
@@ -66,10 +68,8 @@ def test_each_pair_has_the_light_of_its_own_conversion(step_s: float, steps: int
     """The light falls evenly in time, and so does that of each pair between the calls, whatever their interval."""
 
     class Even(StandInLight):
-        def ratios(self, overlap_mm: np.ndarray) -> np.ndarray:
-            return np.broadcast_to(
-                (1.0 - 0.2 * overlap_mm.max(axis=1))[:, None, None], (len(overlap_mm), 8, 8)
-            )
+        def ratios(self, imprint: Imprint) -> np.ndarray:
+            return np.broadcast_to((1.0 - 0.2 * imprint.deepest_mm)[:, None, None], (len(imprint), 8, 8))
 
     light = Even(QUIET)
     node = light.points_mm[112]
@@ -123,9 +123,9 @@ def test_a_reset_of_the_scene_starts_the_board_again() -> None:
 
 def test_a_model_without_the_pad_names_the_pads_that_it_has() -> None:
     model = scene(quiet_body("left_"), quiet_body("right_", 0.05))
-    with pytest.raises(InputError, match="'middle' is no pad of this model.* its pads are 'left', 'right'"):
+    with pytest.raises(InputError, match=r"'middle' is no pad of this model.* its pads are 'left', 'right'"):
         quiet_pad(model, "middle")
-    with pytest.raises(InputError, match="file pad.xml of `optopad scene`"):
+    with pytest.raises(InputError, match=r"file pad\.xml of `optopad scene`"):
         quiet_pad(scene(ball()))
 
 
@@ -219,7 +219,7 @@ def test_a_plane_presses_the_whole_top() -> None:
     data.qpos[:] = 0.0, 0.0, StandInLight().points_mm[0, 2] / 1e3 - 3e-4, 0.0, 1.0, 0.0, 0.0
     mujoco.mj_forward(model, data)
     pad = quiet_pad(model)
-    expected = pad._light.ratios(np.full((1, 225), 0.3))[0]
+    expected = pad._light.ratios(flat_imprint(np.full((1, 225), 0.3)))[0]
     np.testing.assert_allclose(pad.frame(data).normalised, expected, atol=5e-3)
 
 

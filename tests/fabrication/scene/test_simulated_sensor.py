@@ -59,7 +59,7 @@ def ball_model() -> KernelRidgeModel:
     tip = Shape(kind="sphere", size_mm=np.array([TIP_RADIUS_MM, 0.0, 0.0]))
     top = light.points_mm[0, 2] + TIP_RADIUS_MM
     centre = np.column_stack([presses[:, :2], top - presses[:, 2]])
-    ratios = light.ratios(light.overlap_mm(tip, centre, np.broadcast_to(np.eye(3), (600, 3, 3))))
+    ratios = light.ratios(light.imprint(tip, centre, np.broadcast_to(np.eye(3), (600, 3, 3))))
     untouched = SimulatedPad(scene(pad_body()), DESIGN, light=light).baseline
     assert untouched is not None
     signals = (ratios * untouched).reshape(600, -1)
