@@ -180,14 +180,12 @@ class SimulatedPad:
         self._touch_model, self._touches = touch_model, touches
         self._reader: TouchReader | None = None
         self._touch: Touch | None = None
-        self.made = 0
-        self.connection = 0
+        self.made = self.connection = 0
         self._before = self._next = 0
         self.baseline: FloatArray | None = None
         if baseline_s > 0.0:
             frames = self.untouched_frames(max(1, round(baseline_s / self.interval_s)))
             self.baseline = np.mean([one.signals for one in frames], axis=0)
-        self.made = 0
         self.reset()
 
     def reset(self) -> None:
@@ -196,6 +194,7 @@ class SimulatedPad:
         It is called by itself when `data.time` goes back. Call it after objects were moved without a step of time.
         """
         self._looks: list[_Look] = []
+        self._begin_s: float | None = None
         self._last: Frame | None = None
         self._before += self._next
         self._next = 0
@@ -214,10 +213,10 @@ class SimulatedPad:
             looks = self._looks
         elif looks and now_s <= looks[-1].time_s + SAME_S:
             looks.pop()
-        if not looks and self._last is None:
+        if self._begin_s is None:
             self._begin_s = now_s
             for recorder in self._recorders:
-                self._greet(recorder)
+                self._greet(recorder, now_s)
         looks.append(_Look(now_s, self._top.touching(data)))
         due_s = self._begin_s + self._next * self.interval_s
         while len(looks) > 2 and looks[1].time_s <= due_s:
@@ -261,8 +260,8 @@ class SimulatedPad:
         OutputError : the file exists, or cannot be written.
         """
         recorder = Recorder(file, self.config)
-        if self._looks:
-            self._greet(recorder)
+        if self._begin_s is not None:
+            self._greet(recorder, self._begin_s)
         self._recorders.append(recorder)
         return recorder
 
@@ -292,6 +291,7 @@ class SimulatedPad:
 
     def _arrived(self, data: MjData, *, is_all: bool) -> list[Frame]:
         self.observe(data)
+        assert self._begin_s is not None
         passed_s = self._looks[-1].time_s - self._begin_s - self.delay_s + SAME_S
         until = max(math.floor(passed_s / self.interval_s) + 1, 1)
         first = self._next if is_all else max(self._next, until - 1)
@@ -304,6 +304,7 @@ class SimulatedPad:
             self._recorders = [one for one in self._recorders if one.is_open]
         frames = self._frames(flux, began_s, numbers, self._recorders)
         self._next, self._last = until, frames[-1]
+        self.made += len(frames)
         return frames
 
     def _flux(self, began_s: FloatArray) -> FloatArray:
@@ -409,7 +410,6 @@ class SimulatedPad:
             for recorder in recorders:
                 for message, time_s in zip(messages, host_s, strict=True):
                     recorder.frame(message, time_s)
-        self.made += len(numbers)
         return [
             Frame(
                 connection=max(self.connection, 1),
@@ -427,8 +427,8 @@ class SimulatedPad:
             for k, sequence in enumerate(numbers.tolist())
         ]
 
-    def _greet(self, recorder: Recorder) -> None:
-        recorder.hello(hello_message(self.config, self._interval_us), self._begin_s)
+    def _greet(self, recorder: Recorder, begin_s: float) -> None:
+        recorder.hello(hello_message(self.config, self._interval_us), begin_s)
 
 
 def _share(at_s: FloatArray, before_s: FloatArray | float, after_s: FloatArray | float) -> FloatArray:
