@@ -163,9 +163,14 @@ def _surroundings(spec: mujoco.MjSpec, size: Sizes) -> None:
         size=[1.6 * reach, reach, 0.01],
         rgba=TABLE_RGBA,
     )
-    middle = np.array([0.0, 0.0, size.grip_z + 0.7 * LIFT_MM * M_PER_MM])
-    for name, way in (("front", (1.6, -3.6, 1.3)), ("side", (4.0, -1.5, 0.9))):
-        world.add_camera(name=name, **_looking(middle + reach * np.array(way), middle), fovy=34)
+    grip = np.array([0.0, 0.0, size.grip_z])
+    middle = grip + np.array([0.0, 0.0, 0.7 * LIFT_MM * M_PER_MM])
+    for name, at, way in (
+        ("front", middle, (1.6, -3.6, 1.3)),
+        ("side", middle, (4.0, -1.5, 0.9)),
+        ("near", grip, (1.6, -0.35, 0.4)),
+    ):
+        world.add_camera(name=name, **_looking(at + reach * np.array(way), at), fovy=34)
 
 
 def _looking(place: FloatArray, at: FloatArray) -> dict[str, list[float]]:

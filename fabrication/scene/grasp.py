@@ -127,7 +127,7 @@ class GraspScene:
         """Picture (height, width, 3) of the scene, by 8-bit colours."""
         if self._renderer is None:
             self._renderer = mujoco.Renderer(self.model, height, width)
-        self._renderer.update_scene(self.data, "side")
+        self._renderer.update_scene(self.data, "near")
         return np.asarray(self._renderer.render())
 
     def close_renderer(self) -> None:
