@@ -63,8 +63,8 @@ USUAL_WEIGHT = 100.0
 LEAST_MM, DEEPEST_MM, LAYER_SHARE = 0.3, 3.0, 1.0 / 3.0
 """Range of depths of the fit [mm]; it ends at the third of the elastic layer where that is less."""
 DEPTHS = 24
-WEIGHT, TOP = "pad_inverse_weight", "pad_top"
-"""Names in the pad's model: the number with its inverse weight, and the geom that is pressed."""
+WEIGHT, TOP, DESIGN = "pad_inverse_weight", "pad_top", "pad_design"
+"""Names in the pad's model: the number with its inverse weight, the geom that is pressed, the digest of the design."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -45,7 +45,7 @@ from optopad.design.parts.catalog import find_mold_material
 from optopad.design.shape.cavity import Plan, edge_mm
 from optopad.design.spec import SensorDesign
 from optopad.design.spec.properties import elastomer_of, entries_of
-from optopad.fabrication.scene.contact_fit import TOP, WEIGHT, contact_fit
+from optopad.fabrication.scene.contact_fit import DESIGN, TOP, WEIGHT, contact_fit
 from optopad.sims.contact.indentation import solved_press
 from optopad.sims.contact.scope import contact_of
 
@@ -80,6 +80,7 @@ def pad_spec(design: SensorDesign) -> mujoco.MjSpec:
     spec = mujoco.MjSpec()
     spec.modelname = design.name
     spec.add_numeric(name=WEIGHT, data=[fit.inverse_weight])
+    spec.add_text(name=DESIGN, data=design.digest)
     pad = spec.worldbody.add_body(name="pad")
     pad.add_site(name="pad_mount", size=[M_PER_MM] * 3, group=HIDDEN)
     pad.add_site(name="pad_cavity", pos=_m(-origin), size=[M_PER_MM] * 3, group=HIDDEN)

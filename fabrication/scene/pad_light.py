@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from optopad.design.arrays import FloatArray
+from optopad.sims.robot.fast_light import Imprint
 from optopad.sims.robot.shapes import Shape
 
 
@@ -21,10 +22,10 @@ class PadLight(Protocol):
 
     @property
     def deepest_mm(self) -> float:
-        """Largest overlap that the map of light covers [mm]."""
+        """Largest depth of objects that the map of light covers [mm]."""
 
-    def overlap_mm(self, shape: Shape, centre_mm: FloatArray, turn: FloatArray) -> FloatArray:
-        """Overlap (n, node) of a shape in n poses with the untouched top [mm]."""
+    def imprint(self, shape: Shape, centre_mm: FloatArray, turn: FloatArray) -> Imprint:
+        """Where a shape in n poses reaches below the untouched top; centres (n, 3) [mm], rotations (n, 3, 3)."""
 
-    def ratios(self, overlap_mm: FloatArray) -> FloatArray:
-        """(n, emitter, receiver) light over the untouched light, for overlaps (n, node) [-]."""
+    def ratios(self, imprint: Imprint) -> FloatArray:
+        """Light over untouched light (n, emitter, receiver), exactly 1 where nothing touches [-]."""

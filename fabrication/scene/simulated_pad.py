@@ -7,11 +7,9 @@
 
 From objects to a frame
 -----------------------
-    geoms in contact with the pad's top ──► overlap with the untouched top at the nodes of the map of light
+    geoms in contact with the pad's top ──► their imprint in the untouched top, at the nodes of the map of light
     ──► light of every pair over its untouched light ──► interpolated to the time of the pair's conversion
     ──► gains, drift, noise, ambient light, dark states, full scale (`optopad.sims.readings.signal_chain`)
-
-Several objects press the pad as one that overlaps it by the larger of their overlaps.
 
 Times
 -----
@@ -73,6 +71,7 @@ from optopad.fabrication.scene.touching import PadTop, Touching
 from optopad.fabrication.scene.unit_light import drawn_design, unit_light
 from optopad.sims.readings.readout import readout_of
 from optopad.sims.readings.signal_chain import SignalChain, chain_of
+from optopad.sims.robot.fast_light import Imprint, fast_light, load_fast_light, together
 
 if TYPE_CHECKING:
     from mujoco import MjData, MjModel
@@ -100,6 +99,8 @@ class _Look:
 class SimulatedPad:
     """A pad of a compiled MuJoCo model, whose frames are those of its board.
 
+    Its contact in the model is tuned (`contact_fit.tuned`), so that forces follow the contact model.
+
     Parameters
     ----------
     model : compiled model with the pad that `optopad scene` wrote for the design
@@ -114,6 +115,7 @@ class SimulatedPad:
     touches : largest number of touches in a frame, 1 or 2
     rate_hz : frames per second; 0 for the board's highest rate. If None, the design's rate is used
     is_ambient : whether there is the design's ambient light
+    stiffness : factor of the contact's forces, as in `contact_fit.tuned` [-]
     baseline_s : time for which the untouched pad was read before the simulation, for `baseline` [s]; 0 for no baseline
 
     Attributes
@@ -129,7 +131,8 @@ class SimulatedPad:
 
     Raises
     ------
-    InputError : the model has no pad of this name; there is no map of light for the design, or it is of another.
+    InputError : the model has no pad of this name and design, or too long a time step; there is no map of light for the
+        design, or it is of another.
     """
 
     def __init__(
@@ -145,11 +148,12 @@ class SimulatedPad:
         touches: int = 1,
         rate_hz: float | None = None,
         is_ambient: bool = True,
+        stiffness: float = 1.0,
         baseline_s: float = BASELINE_S,
     ) -> None:
         self.model, self.name = model, name
         self._warned: set[str] = set()
-        self._top = PadTop(model, name)
+        self._top = PadTop(model, name, design.digest, stiffness)
         self._light = _light_of(design, light)
         self._chain, self.config = _electronics(design, self._light.untouched)
         if build is not None:
@@ -176,14 +180,12 @@ class SimulatedPad:
         self._touch_model, self._touches = touch_model, touches
         self._reader: TouchReader | None = None
         self._touch: Touch | None = None
-        self.made = 0
-        self.connection = 0
+        self.made = self.connection = 0
         self._before = self._next = 0
         self.baseline: FloatArray | None = None
         if baseline_s > 0.0:
             frames = self.untouched_frames(max(1, round(baseline_s / self.interval_s)))
             self.baseline = np.mean([one.signals for one in frames], axis=0)
-        self.made = 0
         self.reset()
 
     def reset(self) -> None:
@@ -192,6 +194,7 @@ class SimulatedPad:
         It is called by itself when `data.time` goes back. Call it after objects were moved without a step of time.
         """
         self._looks: list[_Look] = []
+        self._begin_s: float | None = None
         self._last: Frame | None = None
         self._before += self._next
         self._next = 0
@@ -210,10 +213,10 @@ class SimulatedPad:
             looks = self._looks
         elif looks and now_s <= looks[-1].time_s + SAME_S:
             looks.pop()
-        if not looks and self._last is None:
+        if self._begin_s is None:
             self._begin_s = now_s
             for recorder in self._recorders:
-                self._greet(recorder)
+                self._greet(recorder, now_s)
         looks.append(_Look(now_s, self._top.touching(data)))
         due_s = self._begin_s + self._next * self.interval_s
         while len(looks) > 2 and looks[1].time_s <= due_s:
@@ -257,8 +260,8 @@ class SimulatedPad:
         OutputError : the file exists, or cannot be written.
         """
         recorder = Recorder(file, self.config)
-        if self._looks:
-            self._greet(recorder)
+        if self._begin_s is not None:
+            self._greet(recorder, self._begin_s)
         self._recorders.append(recorder)
         return recorder
 
@@ -288,6 +291,7 @@ class SimulatedPad:
 
     def _arrived(self, data: MjData, *, is_all: bool) -> list[Frame]:
         self.observe(data)
+        assert self._begin_s is not None
         passed_s = self._looks[-1].time_s - self._begin_s - self.delay_s + SAME_S
         until = max(math.floor(passed_s / self.interval_s) + 1, 1)
         first = self._next if is_all else max(self._next, until - 1)
@@ -300,6 +304,7 @@ class SimulatedPad:
             self._recorders = [one for one in self._recorders if one.is_open]
         frames = self._frames(flux, began_s, numbers, self._recorders)
         self._next, self._last = until, frames[-1]
+        self.made += len(frames)
         return frames
 
     def _flux(self, began_s: FloatArray) -> FloatArray:
@@ -339,50 +344,43 @@ class SimulatedPad:
         """Light over the untouched light (emitter, receiver) at each look, computed where it is not known yet [-]."""
         new = [one for one in looks if one.ratios is None and one.touching.geoms]
         if new:
-            overlap_mm = self._overlap_mm([one.touching for one in new])
-            deepest_mm, most_mm = overlap_mm.max(axis=1).tolist(), self._light.deepest_mm
+            imprint = self._imprint([one.touching for one in new])
+            deepest_mm, most_mm = imprint.deepest_mm.tolist(), self._light.deepest_mm
             if max(deepest_mm) > most_mm:
                 self._warn(
                     f"an object is {max(deepest_mm):.2f} mm deep, and the map of light ends at {most_mm:.2f} mm; "
-                    "deeper parts count as that deep"
+                    "deeper objects count as that deep"
                 )
-                overlap_mm = np.minimum(overlap_mm, most_mm)
-            for one, deep_mm, ratios in zip(new, deepest_mm, self._light.ratios(overlap_mm), strict=True):
+            for one, deep_mm, ratios in zip(new, deepest_mm, self._light.ratios(imprint), strict=True):
                 one.deepest_mm, one.ratios = deep_mm, ratios
         return [self._ones if one.ratios is None else one.ratios for one in looks]
 
-    def _overlap_mm(self, many: list[Touching]) -> FloatArray:
-        """Overlap (n, node) of the objects at n times with the untouched top, of each node by the deepest one [mm]."""
-        found: FloatArray | None = None
+    def _imprint(self, many: list[Touching]) -> Imprint:
+        """Imprint of all objects at n times."""
+        found = []
         for geom in sorted({geom for one in many for geom in one.geoms}):
             shape = self._top.shape(geom)
             assert shape is not None
             rows = [(k, one.geoms.index(geom)) for k, one in enumerate(many) if geom in one.geoms]
-            own_mm = self._light.overlap_mm(
+            own = self._light.imprint(
                 shape,
                 np.array([many[k].centre_mm[place] for k, place in rows]),
                 np.array([many[k].turn[place] for k, place in rows]),
             )
-            if len(rows) == len(many):
-                found = own_mm if found is None else np.maximum(found, own_mm)
-            else:
-                at = [k for k, _ in rows]
-                found = np.full((len(many), own_mm.shape[1]), -np.inf) if found is None else found
-                found[at] = np.maximum(found[at], own_mm)
-            if any(many[k].pressed_mm[place] > SEEN_MM for k, place in rows) and own_mm.max() <= 0.0:
+            if any(many[k].pressed_mm[place] > SEEN_MM for k, place in rows) and own.overlap_mm.max() <= 0.0:
                 self._warn(
                     f"the geom {self._top.geom_name(geom)} touches the pad beside the area of the map of light, at its "
                     "rim or walls; the frames show nothing of it"
                 )
-        assert found is not None
-        return found
+            found.append(own.among([k for k, _ in rows], len(many)))
+        return together(found)
 
     def _warn(self, text: str) -> None:
         """Warn once of each kind of limit; the first words tell the kinds apart."""
         kind = text.split()[0]
         if kind not in self._warned:
             self._warned.add(kind)
-            warnings.warn(f"pad {self.name!r}: {text}", stacklevel=7)
+            warnings.warn(f"pad {self.name!r}: {text}", stacklevel=6)
 
     def _with_residue(self, flux: FloatArray, began_s: FloatArray) -> FloatArray:
         """Flux of frames with what earlier presses left in the silicone."""
@@ -412,7 +410,6 @@ class SimulatedPad:
             for recorder in recorders:
                 for message, time_s in zip(messages, host_s, strict=True):
                     recorder.frame(message, time_s)
-        self.made += len(numbers)
         return [
             Frame(
                 connection=max(self.connection, 1),
@@ -430,8 +427,8 @@ class SimulatedPad:
             for k, sequence in enumerate(numbers.tolist())
         ]
 
-    def _greet(self, recorder: Recorder) -> None:
-        recorder.hello(hello_message(self.config, self._interval_us), self._begin_s)
+    def _greet(self, recorder: Recorder, begin_s: float) -> None:
+        recorder.hello(hello_message(self.config, self._interval_us), begin_s)
 
 
 def _share(at_s: FloatArray, before_s: FloatArray | float, after_s: FloatArray | float) -> FloatArray:
@@ -460,8 +457,6 @@ class _LatestFrames:
 
 def _light_of(design: SensorDesign, light: PadLight | str | os.PathLike[str] | None) -> PadLight:
     if light is None or isinstance(light, str | os.PathLike):
-        from optopad.sims.robot.fast_light import fast_light, load_fast_light
-
         found: PadLight = fast_light(design) if light is None else load_fast_light(light)
     else:
         found = light

@@ -19,14 +19,15 @@ import numpy as np
 
 from optopad.design.arrays import FloatArray
 from optopad.design.errors import InputError
+from optopad.fabrication.scene.contact_fit import DESIGN, prefixed, tuned
 from optopad.sims.robot.shapes import Shape, hull_of
 
 if TYPE_CHECKING:
     from mujoco import MjData, MjModel
 
 MM_PER_M = 1e3
-PAD_BODY, PAD_TOP, PAD_CAVITY = "pad", "pad_top", "pad_cavity"
-"""Names of a pad's body, collision geom and site of the cavity frame, behind the prefix with which it is attached."""
+CAVITY = "pad_cavity"
+"""Name of the site of the cavity frame."""
 
 _KINDS = {
     mujoco.mjtGeom.mjGEOM_SPHERE: "sphere",
@@ -59,38 +60,39 @@ class Touching:
 NOTHING = Touching()
 
 
-def prefix_of(name: str) -> str:
-    """Prefix of the names of a pad: "left_" for the pad "left", "" for ""."""
-    return f"{name}_" if name else ""
-
-
 class PadTop:
     """The top of one pad of a compiled model.
+
+    Its contact is tuned, so that forces follow the contact model (`contact_fit.tuned`).
 
     Parameters
     ----------
     model : compiled model
     name : name of the pad, which is its prefix without the underscore; "" for a pad without a prefix
+    digest : digest of the pad's design
+    stiffness : factor of all forces, for objects that are unlike a ball of the tip's radius [-]
 
     Raises
     ------
-    InputError : the model has no pad of this name.
+    InputError : the model has no pad of this name, or one of another design; or its time step is too long.
     """
 
-    def __init__(self, model: MjModel, name: str) -> None:
-        self._model = model
-        prefix = prefix_of(name)
-        found = [
-            mujoco.mj_name2id(model, kind, prefix + part)
-            for kind, part in (
-                (mujoco.mjtObj.mjOBJ_BODY, PAD_BODY),
-                (mujoco.mjtObj.mjOBJ_GEOM, PAD_TOP),
-                (mujoco.mjtObj.mjOBJ_SITE, PAD_CAVITY),
+    def __init__(self, model: MjModel, name: str, digest: str, stiffness: float = 1.0) -> None:
+        self._model, self._geom = model, tuned(model, name, stiffness=stiffness)
+        self._site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, prefixed(name, CAVITY))
+        text = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TEXT, prefixed(name, DESIGN))
+        if min(self._site, text) < 0:
+            raise InputError(
+                f"name: the pad {name!r} lacks {prefixed(name, CAVITY)} or {prefixed(name, DESIGN)}; keep all names of "
+                "the file that `optopad scene` writes"
             )
-        ]
-        if min(found) < 0:
-            raise InputError(_not_found(model, name))
-        _, self._geom, self._site = found
+        begin = model.text_adr[text]
+        found = model.text_data[begin : begin + model.text_size[text] - 1].decode()
+        if found != digest:
+            raise InputError(
+                f"design: {digest[:8]}, but the model's pad {name!r} is of design {found[:8]}; give its design, or "
+                "write the pad's file again with `optopad scene`"
+            )
         self._shapes: dict[int, Shape | None] = {}
         self._has_warned = False
 
@@ -151,19 +153,3 @@ class PadTop:
                 "shape; use a primitive geom or a convex mesh",
                 stacklevel=5,
             )
-
-
-def _not_found(model: MjModel, name: str) -> str:
-    prefix = prefix_of(name)
-    sites = (model.site(k).name for k in range(model.nsite))
-    there = [site.removesuffix(PAD_CAVITY).removesuffix("_") for site in sites if site.endswith(PAD_CAVITY)]
-    named = ", ".join(repr(one) for one in there)
-    way_out = (
-        f"name one of its pads: {named}"
-        if there
-        else "include or attach the pad's file, which `optopad scene DESIGN --out FOLDER` writes, and keep its names"
-    )
-    return (
-        f"name: the model has no pad {name!r} (no body {prefix}{PAD_BODY} with a geom {prefix}{PAD_TOP} and a site "
-        f"{prefix}{PAD_CAVITY}); {way_out}"
-    )

@@ -7,11 +7,11 @@ tip show, at random locations and depths:
 
     r(o) = r₀(s o) + f(r₀(s o)),   f(x) = Σₖ wₖ (k(x, xₖ) - k(x, 1) k(1, xₖ)),   k(x, y) = exp(-|x - y|² / 2 l²)
 
-with the overlaps o of the objects, the ratios r₀ of all pairs by the map of the design, one factor s for the overlaps,
-and a kernel ridge regression f of what remains. The factor is physical: parts that are closer to the top see the same
-dimple as a deeper one. What remains has no simple form: scaling the logarithm of each pair's ratio, by one factor for
-each pair or by factors that depend on location and depth, explains next to nothing of it. All pairs together tell where
-an object is, so f needs no coordinates of it and takes any object. f is 0 on the untouched pad.
+with the depths o of the objects' imprint, the ratios r₀ of all pairs by the map of the design, one factor s for all
+depths, and a kernel ridge regression f of what remains. The factor is physical: parts that are closer to the top see
+the same dimple as a deeper one. What remains has no simple form: scaling the logarithm of each pair's ratio, by one
+factor for each pair or by factors that depend on location and depth, explains next to nothing of it. All pairs together
+tell where an object is, so f needs no coordinates of it and takes any object. f is 0 on the untouched pad.
 
 Factor, width l and ridge have the least error at the presses themselves, each left out in turn. This error is stated
 (`UnitLight.error`) next to that of the design's own map at the same presses (`UnitLight.error_of_design`).
@@ -36,6 +36,7 @@ from optopad.design.spec.tolerances import build_tolerances
 from optopad.fabrication.driver_config import surface_of
 from optopad.fabrication.scene.pad_light import PadLight
 from optopad.sims.optics.tracing import trace
+from optopad.sims.robot.fast_light import Imprint
 from optopad.sims.robot.shapes import Shape
 from optopad.sims.verdict.builds import drawn_values
 
@@ -81,7 +82,7 @@ class UnitLight:
     ----------
     base : map of light of the design
     untouched : (emitter, receiver) flux of the unit without contact [-]
-    factor : factor of the overlaps [-]
+    factor : factor of the depths of an imprint [-]
     known : (m, pair) ratios by the design's map at the traced presses [-]
     weights : (m, pair) weights of the kernel at them [-]
     width : width of the kernel [-]
@@ -105,20 +106,19 @@ class UnitLight:
 
     @property
     def deepest_mm(self) -> float:
-        """Largest overlap that the map of light covers [mm]."""
+        """Largest depth of objects that the map of light covers [mm]."""
         return self.base.deepest_mm
 
-    def overlap_mm(self, shape: Shape, centre_mm: FloatArray, turn: FloatArray) -> FloatArray:
-        """Overlap (n, node) of a shape in n poses with the untouched top [mm]."""
-        return self.base.overlap_mm(shape, centre_mm, turn)
+    def imprint(self, shape: Shape, centre_mm: FloatArray, turn: FloatArray) -> Imprint:
+        """Where a shape in n poses reaches below the untouched top."""
+        return self.base.imprint(shape, centre_mm, turn)
 
-    def ratios(self, overlap_mm: FloatArray) -> FloatArray:
-        """(n, emitter, receiver) light over the untouched light, for overlaps (n, node) [-]."""
-        scaled_mm = np.minimum(overlap_mm * self.factor, self.base.deepest_mm)
-        base = self.base.ratios(scaled_mm)
+    def ratios(self, imprint: Imprint) -> FloatArray:
+        """Light over untouched light (n, emitter, receiver), exactly 1 where nothing touches [-]."""
+        base = self.base.ratios(imprint.scaled(self.factor))
         flat = base.reshape(len(base), -1)
         found = flat + _kernel(flat, self.known, self.width) @ self.weights
-        found = np.where(overlap_mm.max(axis=1, keepdims=True) > 0.0, np.maximum(found, 0.0), 1.0)
+        found = np.where(imprint.deepest_mm[:, None] > 0.0, np.maximum(found, 0.0), 1.0)
         return np.asarray(found.reshape(base.shape))
 
 
@@ -142,8 +142,8 @@ def unit_light(light: PadLight, design: SensorDesign, unit: SensorDesign, *, see
         raise InputError(f"build: the models do not cover this unit: {err}; draw another one") from err
     untouched = flux[0]
     floor = np.maximum(untouched, FAINTEST * np.median(untouched))
-    overlap_mm = _overlaps_mm(light, design, press_mm[1:])
-    return _fitted(light, untouched, overlap_mm, (flux[1:] / floor).reshape(len(overlap_mm), -1))
+    imprint = _tip_imprint(light, design, press_mm[1:])
+    return _fitted(light, untouched, imprint, (flux[1:] / floor).reshape(len(imprint), -1))
 
 
 def unit_parts(design: SensorDesign) -> tuple[int, int]:
@@ -164,20 +164,19 @@ def _presses_mm(light: PadLight, design: SensorDesign, seed: int) -> FloatArray:
     return np.concatenate([[[*places[0], 0.0]], press_mm])
 
 
-def _overlaps_mm(light: PadLight, design: SensorDesign, press_mm: FloatArray) -> FloatArray:
-    """Overlap (m, node) of the tip at presses (m, 3) [mm]."""
+def _tip_imprint(light: PadLight, design: SensorDesign, press_mm: FloatArray) -> Imprint:
+    """Imprint of the tip at presses (m, 3) [mm]."""
     radius_mm, surface = design.indenter.tip_radius_mm, surface_of(design)
     found = [surface.point_and_normal(x, y) for x, y in press_mm[:, :2].tolist()]
     points, normals = (np.array(each) for each in zip(*found, strict=True))
     centre_mm = points + normals * (radius_mm - press_mm[:, 2:])
     turn = np.broadcast_to(np.eye(3), (len(press_mm), 3, 3))
-    return light.overlap_mm(Shape(kind="sphere", size_mm=np.array([radius_mm, 0.0, 0.0])), centre_mm, turn)
+    return light.imprint(Shape(kind="sphere", size_mm=np.array([radius_mm, 0.0, 0.0])), centre_mm, turn)
 
 
-def _fitted(light: PadLight, untouched: FloatArray, overlap_mm: FloatArray, ratios: FloatArray) -> UnitLight:
+def _fitted(light: PadLight, untouched: FloatArray, imprint: Imprint, ratios: FloatArray) -> UnitLight:
     def known(factor: float) -> FloatArray:
-        scaled = light.ratios(np.minimum(overlap_mm * factor, light.deepest_mm))
-        return scaled.reshape(len(overlap_mm), -1)
+        return light.ratios(imprint.scaled(factor)).reshape(len(imprint), -1)
 
     factor = min(FACTORS, key=lambda one: _rms(known(one) - ratios))
     base, most = known(factor), np.sqrt(ratios.shape[1]) / 8.0

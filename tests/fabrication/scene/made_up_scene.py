@@ -6,6 +6,7 @@ overlap near the straight line between its parts.
 
 from __future__ import annotations
 
+import re
 from functools import cached_property
 
 import mujoco
@@ -15,10 +16,14 @@ import optopad
 from optopad.design.arrays import FloatArray
 from optopad.design.shape.cavity import cavity_of
 from optopad.design.spec import SensorDesign
+from optopad.sims.readings.signal_chain import without_noise
+from optopad.sims.robot.fast_light import Imprint
 from optopad.sims.robot.shapes import Shape, overlap_mm
 
 TIP_RADIUS_MM = 5.0
 DESIGN = optopad.load("fingertip-16")
+QUIET = without_noise(DESIGN)
+"""The design without noise: counts are gain times light."""
 
 
 class StandInLight:
@@ -31,7 +36,6 @@ class StandInLight:
         height = np.full(225, self._cavity.clear_mm)
         self.points_mm = np.column_stack([one.ravel() for one in np.meshgrid(x, y)] + [height])
         self.normals = np.array([[0.0, 0.0, 1.0]])
-        self.evaluated = 0
 
     @cached_property
     def untouched(self) -> FloatArray:
@@ -49,12 +53,18 @@ class StandInLight:
         far_mm = np.linalg.norm(nodes - start - along[..., None] * way, axis=-1)
         return 0.03 * np.exp(-((far_mm / 2.0) ** 2))
 
-    def overlap_mm(self, shape: Shape, centre_mm: FloatArray, turn: FloatArray) -> FloatArray:
-        return overlap_mm(shape, centre_mm, turn, self.points_mm, self.normals)
+    def imprint(self, shape: Shape, centre_mm: FloatArray, turn: FloatArray) -> Imprint:
+        return flat_imprint(overlap_mm(shape, centre_mm, turn, self.points_mm, self.normals))
 
-    def ratios(self, overlap_mm: FloatArray) -> FloatArray:
-        self.evaluated += len(overlap_mm)
-        return np.exp(-np.tensordot(np.maximum(overlap_mm, 0.0), self.kernel, 1))
+    def ratios(self, imprint: Imprint) -> FloatArray:
+        overlap = imprint.limited(self.deepest_mm).overlap_mm
+        return np.exp(-np.tensordot(np.maximum(overlap, 0.0), self.kernel, 1))
+
+
+def flat_imprint(overlap_mm: FloatArray) -> Imprint:
+    """Imprint with given overlaps (n, node)."""
+    balls = np.empty((len(overlap_mm), 0, 3))
+    return Imprint(overlap_mm=overlap_mm, balls_mm=balls, deepest_mm=overlap_mm.max(axis=1))
 
 
 def pad_body(prefix: str = "", at_m: float = 0.0, design: SensorDesign = DESIGN) -> str:
@@ -62,6 +72,7 @@ def pad_body(prefix: str = "", at_m: float = 0.0, design: SensorDesign = DESIGN)
     cavity = cavity_of(design)
     x, y, z = (side / 2e3 for side in (cavity.length_mm, cavity.width_mm, cavity.clear_mm))
     return f"""
+      <!--{prefix} {design.digest}-->
       <body name="{prefix}pad" pos="{at_m} 0 0">
         <geom name="{prefix}pad_top" type="box" size="{x} {y} {z}" pos="{x} {y} {z}" priority="1"/>
         <site name="{prefix}pad_cavity"/>
@@ -77,8 +88,14 @@ def ball(name: str = "ball", radius_mm: float = TIP_RADIUS_MM) -> str:
 
 def scene(*bodies: str, step_s: float = 0.002, assets: str = "") -> mujoco.MjModel:
     """Compiled model of the given bodies."""
+    pads = re.findall(r"<!--(\w*) (\w+)-->", "".join(bodies))
+    custom = "".join(
+        f'<numeric name="{prefix}pad_inverse_weight" data="1e4"/><text name="{prefix}pad_design" data="{digest}"/>'
+        for prefix, digest in pads
+    )
     return mujoco.MjModel.from_xml_string(
-        f'<mujoco><option timestep="{step_s}"/><asset>{assets}</asset><worldbody>{"".join(bodies)}</worldbody></mujoco>'
+        f'<mujoco><option timestep="{step_s}"/><asset>{assets}</asset><custom>{custom}</custom>'
+        f"<worldbody>{''.join(bodies)}</worldbody></mujoco>"
     )
 
 

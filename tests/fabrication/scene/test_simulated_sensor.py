@@ -45,8 +45,9 @@ class Scripted(Press):
         self.step(1.0 if 1.0 <= after_s % 3.0 < 2.0 else -1.0)
 
 
-def scripted(*names: str) -> Scripted:
-    bodies = [pad_body(f"{name}_" if name else "", 0.05 * place) for place, name in enumerate(names or ("",))]
+def scripted(*names: str, design: SensorDesign = DESIGN) -> Scripted:
+    prefixes = [f"{name}_" for name in names] or [""]
+    bodies = [pad_body(prefix, 0.05 * place, design) for place, prefix in enumerate(prefixes)]
     return Scripted(scene(*bodies, ball(), step_s=0.004), *PLACE_MM)
 
 
@@ -58,7 +59,7 @@ def ball_model() -> KernelRidgeModel:
     tip = Shape(kind="sphere", size_mm=np.array([TIP_RADIUS_MM, 0.0, 0.0]))
     top = light.points_mm[0, 2] + TIP_RADIUS_MM
     centre = np.column_stack([presses[:, :2], top - presses[:, 2]])
-    ratios = light.ratios(light.overlap_mm(tip, centre, np.broadcast_to(np.eye(3), (600, 3, 3))))
+    ratios = light.ratios(light.imprint(tip, centre, np.broadcast_to(np.eye(3), (600, 3, 3))))
     untouched = SimulatedPad(scene(pad_body()), DESIGN, light=light).baseline
     assert untouched is not None
     signals = (ratios * untouched).reshape(600, -1)
@@ -94,7 +95,7 @@ def pad(model: mujoco.MjModel, name: str = "", design: SensorDesign = DESIGN, se
 @pytest.mark.parametrize("dark", ["frame", "each"])
 def test_a_recording_holds_the_frames_that_were_read(suffix: str, dark: str, tmp_path: Path) -> None:
     design = DESIGN.with_(**{"board.dark": dark})
-    press = scripted()
+    press = scripted(design=design)
     sensor = SimulatedSensor(pad(press.model, design=design), press.data, press.advance)
     with sensor, sensor.record(tmp_path / f"press{suffix}"):
         frames = list(sensor.frames(seconds=2.0))

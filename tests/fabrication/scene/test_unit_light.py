@@ -13,8 +13,17 @@ from optopad.design.spec.tolerances import build_tolerances
 from optopad.fabrication.scene import unit_light as module
 from optopad.fabrication.scene.simulated_pad import SimulatedPad
 from optopad.fabrication.scene.unit_light import UnitLight, drawn_design, unit_light
+from optopad.sims.robot.fast_light import Imprint
 from optopad.sims.robot.shapes import Shape
-from tests.fabrication.scene.made_up_scene import DESIGN, Press, StandInLight, ball, pad_body, scene
+from tests.fabrication.scene.made_up_scene import (
+    DESIGN,
+    Press,
+    StandInLight,
+    ball,
+    flat_imprint,
+    pad_body,
+    scene,
+)
 
 LEVEL = np.eye(3)[None]
 
@@ -22,9 +31,9 @@ LEVEL = np.eye(3)[None]
 class OtherUnit(StandInLight):
     """Light of a unit that sees dimples as 1.2 times as deep, and loses other shares of it."""
 
-    def ratios(self, overlap_mm: np.ndarray) -> np.ndarray:
+    def ratios(self, imprint: Imprint) -> np.ndarray:
         spread = 1.0 + 0.3 * np.sin(np.arange(64).reshape(8, 8))
-        return np.exp(spread * np.log(super().ratios(1.2 * overlap_mm)) * 1.0)
+        return np.exp(spread * np.log(super().ratios(imprint.scaled(1.2))))
 
 
 @pytest.fixture(scope="module")
@@ -32,8 +41,8 @@ def unit() -> UnitLight:
     light, truth = StandInLight(), OtherUnit()
 
     def traced(_draft: Any, press_mm: np.ndarray, **_: Any) -> SimpleNamespace:
-        overlap_mm = module._overlaps_mm(light, DESIGN, press_mm[1:])
-        flux = 1.1 * truth.untouched * np.concatenate([np.ones((1, 8, 8)), truth.ratios(overlap_mm)])
+        imprint = module._tip_imprint(light, DESIGN, press_mm[1:])
+        flux = 1.1 * truth.untouched * np.concatenate([np.ones((1, 8, 8)), truth.ratios(imprint)])
         return SimpleNamespace(flux=flux)
 
     with pytest.MonkeyPatch.context() as patch:
@@ -46,21 +55,21 @@ def test_a_fitted_unit_is_nearer_to_the_truth_than_its_design(unit: UnitLight) -
     tip = Shape(kind="sphere", size_mm=np.array([DESIGN.indenter.tip_radius_mm, 0.0, 0.0]))
     top_mm = truth.points_mm[0, 2] + DESIGN.indenter.tip_radius_mm
     centre_mm = np.column_stack([rng.uniform(5, 11, (50, 2)), top_mm - rng.uniform(0.2, 2.5, 50)])
-    overlap_mm = truth.overlap_mm(tip, centre_mm, np.broadcast_to(LEVEL, (50, 3, 3)))
-    exact = truth.ratios(overlap_mm)
-    error = module._rms(unit.ratios(overlap_mm) - exact)
+    imprint = truth.imprint(tip, centre_mm, np.broadcast_to(LEVEL, (50, 3, 3)))
+    exact = truth.ratios(imprint)
+    error = module._rms(unit.ratios(imprint) - exact)
     assert unit.factor == pytest.approx(1.2, abs=0.1)
-    assert error < 0.3 * module._rms(unit.base.ratios(overlap_mm) - exact)
+    assert error < 0.3 * module._rms(unit.base.ratios(imprint) - exact)
     assert error < 1.5 * unit.error
     assert unit.error < 0.3 * unit.error_of_design
 
 
 def test_an_untouched_unit_has_exactly_its_untouched_light(unit: UnitLight) -> None:
     nodes = len(StandInLight().points_mm)
-    assert (unit.ratios(np.full((2, nodes), -0.1)) == 1.0).all()
+    assert (unit.ratios(flat_imprint(np.full((2, nodes), -0.1))) == 1.0).all()
     nearly = np.full((1, nodes), -0.1)
     nearly[0, 112] = 1e-6
-    assert np.abs(unit.ratios(nearly) - 1.0).max() < 1e-5
+    assert np.abs(unit.ratios(flat_imprint(nearly)) - 1.0).max() < 1e-5
     np.testing.assert_allclose(unit.untouched, 1.1 * StandInLight().untouched)
 
 
