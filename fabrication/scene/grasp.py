@@ -86,8 +86,7 @@ class GraspScene:
         self.model.opt.disableflags |= (
             mujoco.mjtDisableBit.mjDSBL_SENSOR
         )  # taxels take half of the time of a step
-        for name in ("left", "right"):
-            tuned(self.model, name)
+        tuned(self.model, "right")  # `SimulatedPad` tunes the left one
         self.data = mujoco.MjData(self.model)
         self._geom = pad_geom(self.model, PAD)
         opened = size.half + OPEN_MM * M_PER_MM

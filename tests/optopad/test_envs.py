@@ -76,7 +76,7 @@ def test_closing_on_and_on_crushes_the_object_and_costs_the_bonus() -> None:
     *before, (_, reward, ended, info) = episode(1, CLOSE)
     assert ended
     assert info["depth_mm"] > CRUSHED * TARGET_MM
-    assert reward == pytest.approx(-1.0 - BONUS)
+    assert reward == pytest.approx(-min((info["depth_mm"] - TARGET_MM) / TARGET_MM, 1.0) - BONUS)
     for _, earlier, _, told in before:
         assert earlier == pytest.approx(-min(abs(told["depth_mm"] - TARGET_MM) / TARGET_MM, 1.0))
         assert not told["is_success"]
