@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import os
+import re
+import runpy
 from collections.abc import Iterator
 from functools import cache
+from pathlib import Path
 
 import gymnasium
 import numpy as np
@@ -13,18 +16,20 @@ from gymnasium.utils.env_checker import check_env
 
 from optopad.design.errors import InputError
 from optopad.design.preset import preset
+from optopad.design.spec import SensorDesign
 from optopad.envs import BONUS, CRUSHED, HOLD, TARGET_MM, WITHIN_MM, GraspDepth
 from tests.fabrication.scene.made_up_scene import StandInLight
 
 DESIGN = preset("gripper-stadium")
+PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "grasp.md"
 CLOSE, STAY = np.array([1.0], np.float32), np.array([0.0], np.float32)
 
 
 class FineLight(StandInLight):
     """The stand-in for the map of light, with nodes so close that every object covers some."""
 
-    def __init__(self) -> None:
-        super().__init__(DESIGN)
+    def __init__(self, design: SensorDesign = DESIGN) -> None:
+        super().__init__(design)
         x, y = (np.arange(0.25, side, 0.5) for side in (self._cavity.length_mm, self._cavity.width_mm))
         places = np.stack([one.ravel() for one in np.meshgrid(x, y)], axis=1)
         self.points_mm = np.column_stack([places, np.full(len(places), self._cavity.clear_mm)])
@@ -102,6 +107,18 @@ def test_bad_input_is_refused() -> None:
         GraspDepth(DESIGN, light=FineLight(), target_mm=3.0)
     with pytest.raises(InputError, match=r"render_mode: 'human' is refused; give 'rgb_array' or None"):
         GraspDepth(DESIGN, light=FineLight(), render_mode="human")
+
+
+@pytest.mark.slow
+def test_the_simple_rule_of_the_page_reaches_the_depth(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    monkeypatch.setattr("optopad.fabrication.scene.simulated_pad.fast_light", FineLight)
+    (program,) = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), flags=re.DOTALL)
+    (tmp_path / "rule.py").write_text(program, encoding="utf-8")
+    reached = sum(runpy.run_path(str(tmp_path / "rule.py"))["results"])
+    assert reached >= 18
+    assert capsys.readouterr().out == f"{reached} of 20 grasps reached the depth\n"
 
 
 @pytest.mark.slow
