@@ -43,6 +43,7 @@ from optopad.design.arrays import FloatArray
 from optopad.design.errors import InputError
 from optopad.design.once import once
 from optopad.design.spec import SensorDesign
+from optopad.design.spec.indenter import Indenter
 from optopad.sims.contact.indentation import solved_press
 from optopad.sims.contact.scope import contact_of
 
@@ -63,6 +64,8 @@ USUAL_WEIGHT = 100.0
 LEAST_MM, DEEPEST_MM, LAYER_SHARE = 0.3, 3.0, 1.0 / 3.0
 """Range of depths of the fit [mm]; it ends at the third of the elastic layer where that is less."""
 DEPTHS = 24
+SPIN_DEPTH_MM = 1.0
+"""Depth of the press whose contact radius gives the torsional friction [mm]; less if the fit ends above it."""
 WEIGHT, TOP, DESIGN = "pad_inverse_weight", "pad_top", "pad_design"
 """Names in the pad's model: the number with its inverse weight, the geom that is pressed, the digest of the design."""
 
@@ -77,6 +80,7 @@ class ContactFit:
     inverse_weight : Â, the sum of inverse weights of pad and object [1/kg]
     depth_mm : (n,) depths of the fit [mm]
     force_n : (n,) force of a ball of the tip's radius, from the contact model [N]
+    contact_radius_mm : radius of contact of this ball at `SPIN_DEPTH_MM` [mm]
     """
 
     solref: tuple[float, float]
@@ -84,6 +88,7 @@ class ContactFit:
     inverse_weight: float
     depth_mm: FloatArray
     force_n: FloatArray
+    contact_radius_mm: float
 
     def force_at_n(self, depth_mm: FloatArray) -> FloatArray:
         """Force (...) of a ball at rest at depths (...) [mm] in MuJoCo [N]; 0 without contact."""
@@ -113,13 +118,16 @@ class ContactFit:
 
 @once
 def contact_fit(design: SensorDesign) -> ContactFit:
-    """Fit the contact parameters of a design's pad.
+    """Fit the contact parameters of a design's pad, for a ball of the tip's radius, whatever the tip's shape.
 
     Raises
     ------
     ModelScopeError : the contact model does not cover the pad.
     """
-    contact = contact_of(design)
+    ball = Indenter(tip_radius_mm=design.indenter.tip_radius_mm)
+    contact = contact_of(
+        design if design.indenter.shape == ball.shape else design.model_copy(update={"indenter": ball})
+    )
     layer_mm = contact.layer * contact.tip_radius_mm
     deepest = min(DEEPEST_MM, LAYER_SHARE * layer_mm, contact.depth_limit_mm)
     press, depths = solved_press(contact, deepest), np.geomspace(LEAST_MM, deepest, DEPTHS)
@@ -143,6 +151,7 @@ def contact_fit(design: SensorDesign) -> ContactFit:
         inverse_weight=float(f"{last / (high * TIME_CONSTANT_S) ** 2 / LEAST_GAP:.6g}"),
         depth_mm=depths,
         force_n=force,
+        contact_radius_mm=press.at(min(SPIN_DEPTH_MM, deepest)).contact_radius_mm,
     )
 
 

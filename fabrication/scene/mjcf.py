@@ -46,8 +46,6 @@ from optopad.design.shape.cavity import Plan, edge_mm
 from optopad.design.spec import SensorDesign
 from optopad.design.spec.properties import elastomer_of, entries_of
 from optopad.fabrication.scene.contact_fit import DESIGN, TOP, WEIGHT, contact_fit
-from optopad.sims.contact.indentation import solved_press
-from optopad.sims.contact.scope import contact_of
 
 M_PER_MM = 1e-3
 KG_PER_MM3 = 1e-6
@@ -62,8 +60,6 @@ SEEN, TOUCHED, HIDDEN = 2, 3, 5
 """Groups of geoms: what is seen, collision, and what is neither; viewers draw the first three groups."""
 MOLD_RGBA = (0.13, 0.13, 0.15, 1.0)
 SILICONE_RGBA = (0.80, 0.88, 0.95, 0.55)
-SPIN_DEPTH_MM = 1.0
-"""Depth of the press whose contact radius gives the torsional friction [mm]."""
 
 
 def pad_spec(design: SensorDesign) -> mujoco.MjSpec:
@@ -100,7 +96,7 @@ def pad_spec(design: SensorDesign) -> mujoco.MjSpec:
     friction = data_quantities("friction.toml")["dry"].value
     contact = {
         "mass": 0.0, "group": TOUCHED, "priority": 1, "condim": 4, "solref": fit.solref, "solimp": fit.solimp,
-        "friction": [friction, 3.0 * math.pi / 16.0 * friction * _spin_radius_mm(design) * M_PER_MM, 1e-4],
+        "friction": [friction, 3.0 * math.pi / 16.0 * friction * fit.contact_radius_mm * M_PER_MM, 1e-4],
     }  # fmt: skip
     if plan.is_block:
         low, high = (
@@ -274,8 +270,3 @@ def _walls(outline: MoldOutline) -> list[tuple[str, _Block]]:
         )
     names = [f"pad_wall_{k + 1}" for k in range(len(blocks) - 1)]
     return list(zip([*names, "pad_floor"], blocks, strict=True))
-
-
-def _spin_radius_mm(design: SensorDesign) -> float:
-    depth = min(SPIN_DEPTH_MM, float(contact_fit(design).depth_mm[-1]))
-    return solved_press(contact_of(design), depth).at(depth).contact_radius_mm

@@ -30,6 +30,12 @@ def test_the_fit_is_within_five_percent_of_the_contact_model_at_all_depths(name:
     assert np.abs(fit.force_at_n(between) / force - 1.0).max() < LARGEST_ERROR
 
 
+def test_the_fit_is_for_a_ball_whatever_the_tips_shape() -> None:
+    punch = design_of(FLAT).with_(**{"indenter.shape": "flat_punch", "indenter.edge_radius_mm": 0.3})
+    found, ball = contact_fit(punch), contact_fit(design_of(FLAT))
+    assert (found.solimp, found.inverse_weight) == (ball.solimp, ball.inverse_weight)
+
+
 @pytest.mark.parametrize("step", [0.001, 0.002, LARGEST_STEP_S])
 @pytest.mark.parametrize("mass", [0.005, 2.0])
 def test_a_ball_at_rest_meets_the_contact_models_force(step: float, mass: float) -> None:
