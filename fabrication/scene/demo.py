@@ -19,8 +19,9 @@ Sizes follow the pad: objects fit between the rims of its mold. A closed finger 
         drive(model, data)
         mujoco.mj_step(model, data)
 
-Friction in MuJoCo lets a held object creep. An elliptic cone with `impratio` of 100 makes that a hundred times slower;
-a robot's own model needs both options, too.
+Friction in MuJoCo lets a held object creep: a cylinder of 5.5 g between pads of the preset gripper-teensy sinks by
+1.3 mm/s with MuJoCo's default pyramidal cone, by 0.44 mm/s with an elliptic one, and by 0.004 mm/s with `impratio` of
+100 as here. A robot's own model needs both options, too.
 """
 
 from __future__ import annotations
