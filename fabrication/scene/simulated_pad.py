@@ -387,7 +387,7 @@ class SimulatedPad:
         if self._memory is None:
             return flux
         times_s = [one.time_s for one in self._looks]
-        depth_mm = np.interp(began_s, times_s, [one.deepest_mm for one in self._looks])
+        depth_mm = np.interp(began_s + self._first_s, times_s, [one.deepest_mm for one in self._looks])
         return np.array(
             [self._memory.added(*now) for now in zip(flux, depth_mm.tolist(), began_s.tolist(), strict=True)]
         )

@@ -14,7 +14,9 @@ factor for each pair or by factors that depend on location and depth, explains n
 tell where an object is, so f needs no coordinates of it and takes any object. f is 0 on the untouched pad.
 
 Factor, width l and ridge have the least error at the presses themselves, each left out in turn. This error is stated
-(`UnitLight.error`) next to that of the design's own map at the same presses (`UnitLight.error_of_design`).
+(`UnitLight.error`) next to that of the design's own map at the same presses (`UnitLight.error_of_design`). For four
+units of the 16 mm fingertip, at 40 other presses each, traced with another seed, the error is 1.9 to 3.0 % rms of the
+untouched signal, where the design's own map errs by 3.3 to 5.2 %, and the stated error is right within a tenth of it.
 
 Left out: scatter between parts of one kind, as in the tolerances; objects unlike the tip, whose error may be larger;
 the force of the unit, and the height of its top in the scene, which stay those of the design. The gains are set anew on

@@ -29,6 +29,17 @@ def test_a_frame_of_eight_and_eight_parts(benchmark, bench_size, depth_mm):
         assert benchmark.stats["min"] * 1e6 <= LIMIT_US
 
 
+def test_a_call_between_two_frames(benchmark, bench_size):
+    press = Press(scene(pad_body(), ball()), 8.0, 8.0)
+    pad = SimulatedPad(press.model, DESIGN, light=StandInLight())
+    data = press.to(1.0)
+    first = pad.frame(data)
+    benchmark.pedantic(
+        pad.frame, (data,), rounds=bench_size.of(20, 1), iterations=bench_size.of(100, 3), warmup_rounds=1
+    )
+    assert pad.frame(data) is first
+
+
 def test_a_step_of_the_scene(benchmark, bench_size):
     press = Press(scene(pad_body(), ball()), 8.0, 8.0)
     data = press.to(1.0)

@@ -175,6 +175,8 @@ WEAKEST_BASELINE_COUNTS = 4.0
 class Frame:
     """One complete frame: a reading of every receiver in every state of the emitters.
 
+    The host's clock of a simulated pad is that of the simulation, and begins with it.
+
     Attributes
     ----------
     connection : number of the connection, from 1; it increases at each restart of the board and each reconnection

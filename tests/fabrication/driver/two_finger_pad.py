@@ -63,6 +63,8 @@ def board_of(path: Finger, **options: Any) -> FakeBoard:
 class PlainSensor:
     """Frames of a simulated board at a steady rate, without a port and without waiting."""
 
+    now_s = 0.0
+
     def __init__(self, board: FakeBoard, rate_hz: float, waiting: int = 8) -> None:
         self.board, self.rate_hz, self.waiting = board, rate_hz, waiting
         self.descriptor, self._read = descriptor_of(pad_config()), 0

@@ -136,6 +136,16 @@ def test_light_or_a_pad_of_another_design_is_refused() -> None:
         SimulatedPad(scene(quiet_body()), DESIGN, light=StandInLight())
 
 
+def test_a_design_without_a_map_of_light_is_told_how_to_get_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("OPTOPAD_CACHE", str(tmp_path))
+    with pytest.raises(InputError, match=r"optopad scene DESIGN --fit` once.* 20 minutes"):
+        SimulatedPad(scene(quiet_body()), QUIET)
+    with pytest.raises(InputError, match=r"no\.npz"):
+        SimulatedPad(scene(quiet_body()), QUIET, light=tmp_path / "no.npz")
+
+
 def test_an_object_deeper_than_the_map_of_light_counts_as_that_deep_and_is_told_once() -> None:
     press = Press(scene(quiet_body(), ball()), 8.0, 8.0)
     shallow = SimulatedPad(press.model, QUIET, light=StandInLight(QUIET, deepest_mm=1.0))

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+import optopad
 from optopad.design.errors import InputError
+from optopad.design.spec import SensorDesign
 from optopad.design.spec.tolerances import build_tolerances
 from optopad.fabrication.scene import unit_light as module
 from optopad.fabrication.scene.simulated_pad import SimulatedPad
@@ -92,13 +95,23 @@ def test_a_design_with_other_parts_is_no_unit_of_this_one() -> None:
 
 
 def test_a_simulated_unit_keeps_the_configuration_of_its_design(
-    unit: UnitLight, monkeypatch: pytest.MonkeyPatch
+    unit: UnitLight, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr("optopad.fabrication.scene.simulated_pad.unit_light", lambda *_: unit)
+    asked: list[SensorDesign] = []
+
+    def fitted(_light: StandInLight, _design: SensorDesign, build: SensorDesign) -> UnitLight:
+        asked.append(build)
+        return unit
+
+    monkeypatch.setattr("optopad.fabrication.scene.simulated_pad.unit_light", fitted)
+    optopad.save(DESIGN.with_(**{"cavity.clear_thickness_mm": 5.1}), tmp_path / "design.toml")
+    calibrated = optopad.load(tmp_path / "design.toml")  # as `optopad calibrate` writes it
     press = Press(scene(pad_body(), ball()), 8.0, 8.0)
     designed = SimulatedPad(press.model, DESIGN, light=StandInLight())
-    built = SimulatedPad(press.model, DESIGN, light=StandInLight(), build=3)
-    assert built.config == designed.config
     press.to(1.0)
-    one, other = designed.frame(press.data).normalised, built.frame(press.data).normalised
-    assert other.min() < one.min() - 0.02
+    for build in (3, calibrated):
+        built = SimulatedPad(press.model, DESIGN, light=StandInLight(), build=build)
+        assert built.config == designed.config
+        one, other = designed.frame(press.data).normalised, built.frame(press.data).normalised
+        assert other.min() < one.min() - 0.02
+    assert asked == [drawn_design(DESIGN, 3), calibrated]
