@@ -28,7 +28,9 @@ With a pyramidal friction cone MuJoCo adds 2 (n - 1) edges (n is `condim`) of R 
 
 Left out: the form of the object. Each contact point has the force of the tip's ball: a larger ball presses too lightly,
 and a face, which MuJoCo presses with up to four points, has four times the force of a ball, whatever its size.
-`stiffness` of `tuned` corrects the force of one kind of object.
+`stiffness` of `tuned` corrects the force of one kind of object; tests/validation/scene/objects_table.md has the forces.
+The curve is that of a press in the middle of the pad: presses next to walls are up to a tenth stiffer. Viscosity, which
+silicone has, is replaced by the damping that MuJoCo needs for its steps.
 """
 
 from __future__ import annotations
