@@ -48,16 +48,17 @@ HALF, POST, TALL = 0.32, 0.12, 0.3
 """Half size of objects and of their posts across the fingers, and half height of the cylinder, over the pad's width."""
 DENSITY = 2700.0
 """Of the objects, aluminium [kg/m3]."""
-PHASES_S = {
-    "move": 0.8,
-    "down": 0.6,
-    "close": 0.5,
-    "lift": 0.7,
-    "hold": 0.4,
-    "back": 0.7,
-    "open": 0.4,
-    "up": 0.6,
+PHASES = {
+    "move": (0.8, 0.0, 0.0),
+    "down": (0.6, 1.0, 0.0),
+    "close": (0.5, 1.0, 1.0),
+    "lift": (0.7, 0.0, 1.0),
+    "hold": (0.4, 0.0, 1.0),
+    "back": (0.7, 1.0, 1.0),
+    "open": (0.4, 1.0, 0.0),
+    "up": (0.6, 0.0, 0.0),
 }
+"""Phases of the script for each object: time [s], whether the gripper is down and whether it is closed at their end."""
 GRIP_N_PER_M = 10_000.0
 """Stiffness of a finger's servo [N/m]."""
 SCRIPT = "demo_script"
@@ -287,22 +288,10 @@ def _add_servo(
 def _script(size: Sizes) -> FloatArray:
     """Rows of time [s], x and z of the carriage [m], and closing."""
     rows, time = [[0.0, 0.0, 0.0, 0.0]], 0.0
-    lift = LIFT_MM * M_PER_MM
     for number in range(len(OBJECTS)):
-        x = (number - 1) * size.pitch
-        low = {
-            "move": (0.0, 0.0),
-            "down": (-lift, 0.0),
-            "close": (-lift, 1.0),
-            "lift": (0.0, 1.0),
-            "hold": (0.0, 1.0),
-            "back": (-lift, 1.0),
-            "open": (-lift, 0.0),
-            "up": (0.0, 0.0),
-        }
-        for phase, (z, closed) in low.items():
-            time += PHASES_S[phase]
-            rows.append([time, x, z, closed])
+        for seconds, down, closed in PHASES.values():
+            time += seconds
+            rows.append([time, (number - 1) * size.pitch, -down * LIFT_MM * M_PER_MM, closed])
     return np.array(rows)
 
 
@@ -330,7 +319,5 @@ def drive(model: mujoco.MjModel, data: mujoco.MjData) -> None:
 
 def held_at(model: mujoco.MjModel, name: str) -> float:
     """Middle of the time for which the script holds an object up [s]."""
-    rows = script_of(model)
-    each = (len(rows) - 1) // len(OBJECTS)
-    first = 1 + OBJECTS.index(name) * each
-    return float(rows[first + 3 : first + 5, 0].mean())
+    end = 1 + OBJECTS.index(name) * len(PHASES) + list(PHASES).index("hold")
+    return float(script_of(model)[end - 1 : end + 1, 0].mean())
