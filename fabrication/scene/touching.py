@@ -10,6 +10,7 @@ sensors'; `mj_forward` renews them.
 
 from __future__ import annotations
 
+import math
 import warnings
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
     from mujoco import MjData, MjModel
 
 MM_PER_M = 1e3
+REACH_MM = 30.0
+"""Largest distance at which a turn of an object about its centre counts: about the size of a pad."""
 CAVITY = "pad_cavity"
 """Name of the site of the cavity frame."""
 
@@ -49,12 +52,27 @@ class Touching:
     geoms : numbers of their geoms in the model
     centre_mm, turn : (3,) centres and (3, 3) rotations in the cavity frame, for each; columns are the objects' axes
     pressed_mm : largest depth of its contacts by MuJoCo, for each
+    reach_mm : distance of its farthest point from its centre, at most `REACH_MM`, for each
     """
 
     geoms: tuple[int, ...] = ()
     centre_mm: tuple[FloatArray, ...] = ()
     turn: tuple[FloatArray, ...] = ()
     pressed_mm: tuple[float, ...] = ()
+    reach_mm: tuple[float, ...] = ()
+
+    def moved_mm(self, other: Touching) -> float:
+        """About the longest way of a point of the objects to another time; infinite if other objects touch then."""
+        if self.geoms != other.geoms:
+            return math.inf
+        ways = zip(self.centre_mm, other.centre_mm, self.turn, other.turn, self.reach_mm, strict=True)
+        return max(
+            (
+                math.dist(here, there) + reach * float(np.abs(turn - turned).max())
+                for here, there, turn, turned, reach in ways
+            ),
+            default=0.0,
+        )
 
 
 NOTHING = Touching()
@@ -94,6 +112,8 @@ class PadTop:
                 "write the pad's file again with `optopad scene`"
             )
         self._shapes: dict[int, Shape | None] = {}
+        bounds_mm = model.geom_rbound * MM_PER_M  # 0 for planes, which have none
+        self._reach_mm = np.where(bounds_mm > 0.0, np.minimum(bounds_mm, REACH_MM), REACH_MM).tolist()
         self._has_warned = False
 
     def touching(self, data: MjData) -> Touching:
@@ -116,6 +136,7 @@ class PadTop:
             centre_mm=tuple((data.geom_xpos[geom] - origin) @ axes * MM_PER_M for geom in geoms),
             turn=tuple(axes.T @ data.geom_xmat[geom].reshape(3, 3) for geom in geoms),
             pressed_mm=tuple(pressed_mm[geom] for geom in geoms),
+            reach_mm=tuple(self._reach_mm[geom] for geom in geoms),
         )
 
     def shape(self, geom: int) -> Shape | None:
