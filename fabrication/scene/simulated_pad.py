@@ -318,10 +318,10 @@ class SimulatedPad:
         """(n, emitter, receiver) flux of frames, each pair at the time of its conversion."""
         untouched, count = self._light.untouched, len(began_s)
         if not any(one.touching.geoms for one in looks):
-            return np.broadcast_to(untouched, (count, *untouched.shape))
+            return np.repeat(untouched[None], count, axis=0)
         ratios = self._ratios(looks)
         if len(looks) == 1:
-            return np.broadcast_to(untouched * ratios[0], (count, *untouched.shape))
+            return np.repeat((untouched * ratios[0])[None], count, axis=0)
         at_s = began_s[:, None, None] + self._lit_s
         if len(looks) == 2:
             share = _share(at_s, looks[0].time_s, looks[1].time_s)
