@@ -103,7 +103,8 @@ class _Look:
 class SimulatedPad:
     """A pad of a compiled MuJoCo model, whose frames are those of its board.
 
-    Its contact in the model is tuned (`contact_fit.tuned`), so that forces follow the contact model.
+    The model is changed: the pad's contact is tuned (`contact_fit.tuned`), so that forces follow the contact model, and
+    its top is put where it is in the unit.
 
     Parameters
     ----------
@@ -113,7 +114,7 @@ class SimulatedPad:
     light : map of the pad's light, or its file; if None, the one that `optopad scene DESIGN --fit` stored
     build : number of a unit, which is drawn within the design's tolerances and unmeasured values; or the design of a
         manufactured unit, as `optopad calibrate` writes it. Its light is traced and fitted (`unit_light`), which takes
-        some 20 s the first time. If None, the pad is as designed
+        some 20 s the first time, and its top is moved to its height. If None, the pad is as designed
     seed : seed of drift and noise
     touch_model : trained model for `touch`; None if that is not needed
     touches : largest number of touches in a frame, 1 or 2
@@ -125,6 +126,7 @@ class SimulatedPad:
     Attributes
     ----------
     model, name : the model, and the pad's name in it
+    unit : design of the unit; that of the pad if `build` is None
     config : driver configuration of the design
     descriptor : geometry, names, units and rates of the readings
     baseline : signals of the untouched pad, shape (emitters, receivers) [counts]; None if no baseline was taken
@@ -157,13 +159,15 @@ class SimulatedPad:
     ) -> None:
         self.model, self.name = model, name
         self._warned: set[str] = set()
-        self._top = PadTop(model, name, design.digest, stiffness)
         self._light = _light_of(design, light)
         self._chain, self.config = _electronics(design, self._light.untouched)
+        self.unit = design
         if build is not None:
-            unit = drawn_design(design, build) if isinstance(build, int) else build
-            self._light = unit_light(self._light, design, unit)
-            self._chain, _ = _electronics(unit, self._light.untouched)
+            self.unit = drawn_design(design, build) if isinstance(build, int) else build
+            self._light = unit_light(self._light, design, self.unit)
+            self._chain, _ = _electronics(self.unit, self._light.untouched)
+        raised_mm = _thickness_mm(self.unit) - _thickness_mm(design)
+        self._top = PadTop(model, name, design.digest, raised_mm=raised_mm, stiffness=stiffness)
         if design.noise.wall_unbonded_share:
             self._warn("noise.wall_unbonded_share is not simulated; the walls stay bonded")
         self.descriptor: Descriptor = descriptor_of(self.config)
@@ -481,6 +485,10 @@ def _light_of(design: SensorDesign, light: PadLight | str | os.PathLike[str] | N
             "on the pad's design"
         )
     return found
+
+
+def _thickness_mm(design: SensorDesign) -> float:
+    return design.cavity.clear_thickness_mm + design.cavity.black_thickness_mm
 
 
 def _electronics(design: SensorDesign, untouched: FloatArray) -> tuple[SignalChain, DriverConfig]:
