@@ -51,6 +51,7 @@ def unit() -> UnitLight:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "trace", traced)
+        patch.setattr(module, "PRESSES", 100)
         return unit_light(light, DESIGN, DESIGN)
 
 
