@@ -92,6 +92,7 @@ ALLOWED = {
     "optopad": {
         *(
             "distributed",
+            "gymnasium",
             "markdown_it",
             "markupsafe",
             "matplotlib",
@@ -219,7 +220,12 @@ def test_every_library_that_a_room_imports_is_declared() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
     wanted = (
-        project["dependencies"] + extras["design"] + extras["cluster"] + extras["studio"] + extras["lerobot"]
+        project["dependencies"]
+        + extras["design"]
+        + extras["cluster"]
+        + extras["gym"]
+        + extras["studio"]
+        + extras["lerobot"]
     )
     declared = {re.split(r"[<>=]", line)[0] for line in wanted} | {
         "OCP",

@@ -28,7 +28,9 @@ With a pyramidal friction cone MuJoCo adds 2 (n - 1) edges (n is `condim`) of R 
 
 Left out: the form of the object. Each contact point has the force of the tip's ball: a larger ball presses too lightly,
 and a face, which MuJoCo presses with up to four points, has four times the force of a ball, whatever its size.
-`stiffness` of `tuned` corrects the force of one kind of object.
+`stiffness` of `tuned` corrects the force of one kind of object; tests/validation/scene/objects_table.md has the forces.
+The curve is that of a press in the middle of the pad: presses next to walls are up to a tenth stiffer. Viscosity, which
+silicone has, is replaced by the damping that MuJoCo needs for its steps.
 """
 
 from __future__ import annotations
@@ -43,6 +45,7 @@ from optopad.design.arrays import FloatArray
 from optopad.design.errors import InputError
 from optopad.design.once import once
 from optopad.design.spec import SensorDesign
+from optopad.design.spec.indenter import Indenter
 from optopad.sims.contact.indentation import solved_press
 from optopad.sims.contact.scope import contact_of
 
@@ -63,6 +66,8 @@ USUAL_WEIGHT = 100.0
 LEAST_MM, DEEPEST_MM, LAYER_SHARE = 0.3, 3.0, 1.0 / 3.0
 """Range of depths of the fit [mm]; it ends at the third of the elastic layer where that is less."""
 DEPTHS = 24
+SPIN_DEPTH_MM = 1.0
+"""Depth of the press whose contact radius gives the torsional friction [mm]; less if the fit ends above it."""
 WEIGHT, TOP, DESIGN = "pad_inverse_weight", "pad_top", "pad_design"
 """Names in the pad's model: the number with its inverse weight, the geom that is pressed, the digest of the design."""
 
@@ -77,6 +82,7 @@ class ContactFit:
     inverse_weight : Â, the sum of inverse weights of pad and object [1/kg]
     depth_mm : (n,) depths of the fit [mm]
     force_n : (n,) force of a ball of the tip's radius, from the contact model [N]
+    contact_radius_mm : radius of contact of this ball at `SPIN_DEPTH_MM` [mm]
     """
 
     solref: tuple[float, float]
@@ -84,6 +90,7 @@ class ContactFit:
     inverse_weight: float
     depth_mm: FloatArray
     force_n: FloatArray
+    contact_radius_mm: float
 
     def force_at_n(self, depth_mm: FloatArray) -> FloatArray:
         """Force (...) of a ball at rest at depths (...) [mm] in MuJoCo [N]; 0 without contact."""
@@ -113,13 +120,16 @@ class ContactFit:
 
 @once
 def contact_fit(design: SensorDesign) -> ContactFit:
-    """Fit the contact parameters of a design's pad.
+    """Fit the contact parameters of a design's pad, for a ball of the tip's radius, whatever the tip's shape.
 
     Raises
     ------
     ModelScopeError : the contact model does not cover the pad.
     """
-    contact = contact_of(design)
+    ball = Indenter(tip_radius_mm=design.indenter.tip_radius_mm)
+    contact = contact_of(
+        design if design.indenter.shape == ball.shape else design.model_copy(update={"indenter": ball})
+    )
     layer_mm = contact.layer * contact.tip_radius_mm
     deepest = min(DEEPEST_MM, LAYER_SHARE * layer_mm, contact.depth_limit_mm)
     press, depths = solved_press(contact, deepest), np.geomspace(LEAST_MM, deepest, DEPTHS)
@@ -143,6 +153,7 @@ def contact_fit(design: SensorDesign) -> ContactFit:
         inverse_weight=float(f"{last / (high * TIME_CONSTANT_S) ** 2 / LEAST_GAP:.6g}"),
         depth_mm=depths,
         force_n=force,
+        contact_radius_mm=press.at(min(SPIN_DEPTH_MM, deepest)).contact_radius_mm,
     )
 
 

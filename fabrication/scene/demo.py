@@ -19,8 +19,9 @@ Sizes follow the pad: objects fit between the rims of its mold. A closed finger 
         drive(model, data)
         mujoco.mj_step(model, data)
 
-Friction in MuJoCo lets a held object creep. An elliptic cone with `impratio` of 100 makes that a hundred times slower;
-a robot's own model needs both options, too.
+Friction in MuJoCo lets a held object creep: a cylinder of 5.5 g between pads of the preset gripper-teensy sinks by
+1.3 mm/s with MuJoCo's default pyramidal cone, by 0.44 mm/s with an elliptic one, and by 0.004 mm/s with `impratio` of
+100 as here. A robot's own model needs both options, too.
 """
 
 from __future__ import annotations
@@ -47,16 +48,19 @@ HALF, POST, TALL = 0.32, 0.12, 0.3
 """Half size of objects and of their posts across the fingers, and half height of the cylinder, over the pad's width."""
 DENSITY = 2700.0
 """Of the objects, aluminium [kg/m3]."""
-PHASES_S = {
-    "move": 0.8,
-    "down": 0.6,
-    "close": 0.5,
-    "lift": 0.7,
-    "hold": 0.4,
-    "back": 0.7,
-    "open": 0.4,
-    "up": 0.6,
+PHASES = {
+    "move": (0.8, 0.0, 0.0),
+    "down": (0.6, 1.0, 0.0),
+    "close": (0.5, 1.0, 1.0),
+    "lift": (0.7, 0.0, 1.0),
+    "hold": (0.4, 0.0, 1.0),
+    "back": (0.7, 1.0, 1.0),
+    "open": (0.4, 1.0, 0.0),
+    "up": (0.6, 0.0, 0.0),
 }
+"""Phases of the script for each object: time [s], whether the gripper is down and whether it is closed at their end."""
+GRIP_N_PER_M = 10_000.0
+"""Stiffness of a finger's servo [N/m]."""
 SCRIPT = "demo_script"
 IMPRATIO = 100.0
 TABLE_RGBA, POST_RGBA, STEEL_RGBA = (0.78, 0.72, 0.62, 1.0), (0.55, 0.57, 0.60, 1.0), (0.56, 0.60, 0.66, 1.0)
@@ -69,7 +73,7 @@ GEOM = mujoco.mjtGeom
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Sizes:
+class Sizes:
     """Sizes of the scene [m].
 
     Attributes
@@ -79,6 +83,7 @@ class _Sizes:
     pad : outer half sizes of a mold along x and y of the cavity, and its height up to the top's highest point
     grip_z : height of the pads' middle when they grip
     pitch : distance between objects
+    width : the smaller inner size of the pad
     """
 
     half: float
@@ -89,7 +94,8 @@ class _Sizes:
     width: float
 
 
-def _sizes(design: SensorDesign) -> _Sizes:
+def sizes_of(design: SensorDesign) -> Sizes:
+    """Sizes of the scene of a design's pad."""
     draft = Draft.of(design)
     plan, outline = draft.plan, draft.outline
     width = min(plan.length_mm, plan.width_mm) * M_PER_MM
@@ -99,7 +105,7 @@ def _sizes(design: SensorDesign) -> _Sizes:
         (plan.clear_mm - outline.bottom_mm) * M_PER_MM,
     )
     half = HALF * width
-    return _Sizes(
+    return Sizes(
         half=half,
         heights={"cylinder": TALL * width, "box": half, "ball": half},
         pad=pad,
@@ -111,23 +117,36 @@ def _sizes(design: SensorDesign) -> _Sizes:
 
 def demo_spec(design: SensorDesign) -> mujoco.MjSpec:
     """The demo scene of a design's pad; errors are those of `mjcf.pad_spec`."""
-    size = _sizes(design)
-    spec = mujoco.MjSpec()
+    size, spec = sizes_of(design), gripper_spec(design, grip_force_n(design))
     spec.modelname = f"{design.name} demo"
+    for number, name in enumerate(OBJECTS):
+        post = POST * size.width
+        add_object(
+            spec, name, ((number - 1) * size.pitch, 0.0, size.grip_z), size.half, size.heights[name], post
+        )
+    spec.add_numeric(name=SCRIPT, data=[float(one) for one in _script(size).ravel()])
+    return spec
+
+
+def grip_force_n(design: SensorDesign) -> float:
+    """Force of a ball of the tip's radius at `GRIP_MM` or, if less, at the deepest press of the fit [N]."""
+    fit = contact_fit(design)
+    return float(np.interp(GRIP_MM, fit.depth_mm, fit.force_n))
+
+
+def gripper_spec(design: SensorDesign, force_n: float) -> mujoco.MjSpec:
+    """The gripper with two pads over a table, without objects; `force_n` is the largest force of a finger [N]."""
+    size, spec = sizes_of(design), mujoco.MjSpec()
     spec.option.timestep = STEP_S
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     spec.option.impratio = IMPRATIO
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     _surroundings(spec, size)
-    for number, name in enumerate(OBJECTS):
-        _add_object(spec, name, (number - 1) * size.pitch, size)
-    _add_gripper(spec, design, size)
-    rows = _script(size)
-    spec.add_numeric(name=SCRIPT, data=[float(one) for one in rows.ravel()])
+    _add_gripper(spec, design, size, force_n)
     return spec
 
 
-def _surroundings(spec: mujoco.MjSpec, size: _Sizes) -> None:
+def _surroundings(spec: mujoco.MjSpec, size: Sizes) -> None:
     """Light, sky, cameras and table."""
     reach = size.pitch + size.pad[0]
     spec.visual.global_.offwidth, spec.visual.global_.offheight = 1280, 960
@@ -146,9 +165,14 @@ def _surroundings(spec: mujoco.MjSpec, size: _Sizes) -> None:
         size=[1.6 * reach, reach, 0.01],
         rgba=TABLE_RGBA,
     )
-    middle = np.array([0.0, 0.0, size.grip_z + 0.7 * LIFT_MM * M_PER_MM])
-    for name, way in (("front", (1.6, -3.6, 1.3)), ("side", (4.0, -1.5, 0.9))):
-        world.add_camera(name=name, **_looking(middle + reach * np.array(way), middle), fovy=34)
+    grip = np.array([0.0, 0.0, size.grip_z])
+    middle = grip + np.array([0.0, 0.0, 0.7 * LIFT_MM * M_PER_MM])
+    for name, at, way in (
+        ("front", middle, (1.6, -3.6, 1.3)),
+        ("side", middle, (4.0, -1.5, 0.9)),
+        ("near", grip, (1.6, -0.35, 0.4)),
+    ):
+        world.add_camera(name=name, **_looking(at + reach * np.array(way), at), fovy=34)
 
 
 def _looking(place: FloatArray, at: FloatArray) -> dict[str, list[float]]:
@@ -161,15 +185,25 @@ def _looking(place: FloatArray, at: FloatArray) -> dict[str, list[float]]:
     return {"pos": place.tolist(), "quat": quat.tolist()}
 
 
-def _add_object(spec: mujoco.MjSpec, name: str, x: float, size: _Sizes) -> None:
-    """An object and the post below it."""
-    tall, half = size.heights[name], size.half
-    post = (size.grip_z - tall) / 2
-    spec.worldbody.add_geom(
-        name=f"{name}_post", type=GEOM.mjGEOM_BOX, pos=[x, 0.0, post], size=[0.8 * half, POST * size.width, post],
-        rgba=POST_RGBA,
+def add_object(
+    spec: mujoco.MjSpec, name: str, place: tuple[float, float, float], half: float, tall: float, post: float
+) -> None:
+    """Add an object, and the post below it as a body ``<name>_post`` that touches nothing else.
+
+    Parameters
+    ----------
+    name : one of `OBJECTS`
+    place : its centre [m]
+    half, tall : half sizes across the fingers and upward [m]; upward only of the cylinder
+    post : half size of the post across the fingers [m]
+    """
+    x, y, z = place
+    top = (z - (tall if name == "cylinder" else half)) / 2
+    spec.worldbody.add_body(name=f"{name}_post", pos=[x, y, top]).add_geom(
+        name=f"{name}_post", type=GEOM.mjGEOM_BOX, size=[0.8 * half, post, top], rgba=POST_RGBA, contype=2,
+        conaffinity=2, priority=1, solref=[2.0 * STEP_S, 1.0],  # MuJoCo's usual contact gives way by 0.4 mm
     )  # fmt: skip
-    body = spec.worldbody.add_body(name=name, pos=[x, 0.0, size.grip_z])
+    body = spec.worldbody.add_body(name=name, pos=list(place))
     body.add_freejoint(name=f"{name}_free")
     shape, extent = {
         "cylinder": (GEOM.mjGEOM_CYLINDER, [half, tall, 0.0]),
@@ -177,12 +211,12 @@ def _add_object(spec: mujoco.MjSpec, name: str, x: float, size: _Sizes) -> None:
         "ball": (GEOM.mjGEOM_SPHERE, [half, 0.0, 0.0]),
     }[name]
     body.add_geom(
-        name=name, type=shape, size=extent, density=DENSITY, rgba=OBJECT_RGBA[name], condim=6,
-        friction=[0.8, 0.005, 0.001],
+        name=name, type=shape, size=extent, density=DENSITY, rgba=OBJECT_RGBA[name], condim=6, contype=3,
+        conaffinity=3, friction=[0.8, 0.005, 0.001],
     )  # fmt: skip
 
 
-def _add_gripper(spec: mujoco.MjSpec, design: SensorDesign, size: _Sizes) -> None:
+def _add_gripper(spec: mujoco.MjSpec, design: SensorDesign, size: Sizes, force_n: float) -> None:
     lift, thick = LIFT_MM * M_PER_MM, FINGER_MM * M_PER_MM / 2
     opened = size.half + OPEN_MM * M_PER_MM
     across, tall, deep = size.pad
@@ -204,8 +238,7 @@ def _add_gripper(spec: mujoco.MjSpec, design: SensorDesign, size: _Sizes) -> Non
         name="column", type=GEOM.mjGEOM_CYLINDER, pos=[0, 0, palm + 3 * thick + lift / 2],
         size=[2.5 * thick, lift / 2, 0], mass=0.2, rgba=STEEL_RGBA,
     )  # fmt: skip
-    force = float(np.interp(GRIP_MM, contact_fit(design).depth_mm, contact_fit(design).force_n))
-    travel = OPEN_MM * M_PER_MM + 0.5 * size.half
+    travel = OPEN_MM * M_PER_MM + 0.8 * size.half
     for name, side in (("left", -1.0), ("right", 1.0)):
         finger = carriage.add_body(name=f"{name}_finger", pos=[0.0, side * opened, 0.0], gravcomp=1.0)
         finger.add_joint(
@@ -222,7 +255,10 @@ def _add_gripper(spec: mujoco.MjSpec, design: SensorDesign, size: _Sizes) -> Non
             size=[M_PER_MM] * 3, group=5,
         )  # fmt: skip
         spec.attach(pad_spec(design), prefix=f"{name}_", site=mount)
-        _add_servo(spec, f"{name}_slide", stiffness=2000.0, damping=40.0, range_=[0.0, travel], force=force)
+        _add_servo(
+            spec, f"{name}_slide", stiffness=GRIP_N_PER_M, damping=60.0,
+            range_=[0.0, travel + force_n / GRIP_N_PER_M], force=force_n,
+        )  # fmt: skip
     _add_servo(spec, "carriage_x", stiffness=4000.0, damping=150.0, range_=[-reach, reach], force=200.0)
     _add_servo(spec, "carriage_z", stiffness=4000.0, damping=150.0, range_=[-2 * lift, lift], force=200.0)
     coupling = spec.add_equality(
@@ -249,25 +285,13 @@ def _add_servo(
     servo.set_to_position(kp=stiffness, kv=damping)
 
 
-def _script(size: _Sizes) -> FloatArray:
+def _script(size: Sizes) -> FloatArray:
     """Rows of time [s], x and z of the carriage [m], and closing."""
     rows, time = [[0.0, 0.0, 0.0, 0.0]], 0.0
-    lift = LIFT_MM * M_PER_MM
     for number in range(len(OBJECTS)):
-        x = (number - 1) * size.pitch
-        low = {
-            "move": (0.0, 0.0),
-            "down": (-lift, 0.0),
-            "close": (-lift, 1.0),
-            "lift": (0.0, 1.0),
-            "hold": (0.0, 1.0),
-            "back": (-lift, 1.0),
-            "open": (-lift, 0.0),
-            "up": (0.0, 0.0),
-        }
-        for phase, (z, closed) in low.items():
-            time += PHASES_S[phase]
-            rows.append([time, x, z, closed])
+        for seconds, down, closed in PHASES.values():
+            time += seconds
+            rows.append([time, (number - 1) * size.pitch, -down * LIFT_MM * M_PER_MM, closed])
     return np.array(rows)
 
 
@@ -295,7 +319,5 @@ def drive(model: mujoco.MjModel, data: mujoco.MjData) -> None:
 
 def held_at(model: mujoco.MjModel, name: str) -> float:
     """Middle of the time for which the script holds an object up [s]."""
-    rows = script_of(model)
-    each = (len(rows) - 1) // len(OBJECTS)
-    first = 1 + OBJECTS.index(name) * each
-    return float(rows[first + 3 : first + 5, 0].mean())
+    end = 1 + OBJECTS.index(name) * len(PHASES) + list(PHASES).index("hold")
+    return float(script_of(model)[end - 1 : end + 1, 0].mean())

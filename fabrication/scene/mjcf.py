@@ -4,7 +4,7 @@
       site  pad_mount    there, to attach it by
       site  pad_cavity   origin of the cavity's coordinates: z = 0 is the bottom of the clear layer
       geoms pad_mold, pad_silicone      what is seen, and the mass
-      geoms pad_wall_1, ..., pad_floor  collision of the mold, whose rim may be higher than the top
+      geoms pad_wall_1, ..., pad_core   collision of the mold, whose rim may be higher than the top, and of its core
       geom  pad_taxels   points at which the sensor measures; not seen, no collision
       body  pad_face     of its own, so that `contact_fit.tuned` can set the weight of its contacts alone
         geom pad_top     collision of the silicone: a box, or the convex hull of another outline or a crown
@@ -12,6 +12,9 @@
 
 Lengths are in m, as MuJoCo has them, and those of the cavity in mm. How far an object reaches into `pad_top` is the
 depth of its press. `pad_top` has priority, so its contact parameters hold against every object of priority 0.
+
+The core has a hard contact. It is the mold's floor with the lower part of the silicone, below the
+depths of the contact's fit, so that nothing is pushed through the pad.
 
 MuJoCo's tactile sensor takes its points in the axes of inertia of their mesh, and reads three vectors for each point
 from the mesh's normals: normal and two tangents. So the points are a mesh on a geom of their own, whose frame MuJoCo
@@ -28,6 +31,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -46,8 +50,6 @@ from optopad.design.shape.cavity import Plan, edge_mm
 from optopad.design.spec import SensorDesign
 from optopad.design.spec.properties import elastomer_of, entries_of
 from optopad.fabrication.scene.contact_fit import DESIGN, TOP, WEIGHT, contact_fit
-from optopad.sims.contact.indentation import solved_press
-from optopad.sims.contact.scope import contact_of
 
 M_PER_MM = 1e-3
 KG_PER_MM3 = 1e-6
@@ -60,10 +62,10 @@ WALL_TURN_RAD = math.pi / 8
 """Turn from one box of a round wall to the next."""
 SEEN, TOUCHED, HIDDEN = 2, 3, 5
 """Groups of geoms: what is seen, collision, and what is neither; viewers draw the first three groups."""
+CORE_SHARE = 0.4
+"""Height of the core over that of the silicone [-]."""
 MOLD_RGBA = (0.13, 0.13, 0.15, 1.0)
 SILICONE_RGBA = (0.80, 0.88, 0.95, 0.55)
-SPIN_DEPTH_MM = 1.0
-"""Depth of the press whose contact radius gives the torsional friction [mm]."""
 
 
 def pad_spec(design: SensorDesign) -> mujoco.MjSpec:
@@ -75,7 +77,7 @@ def pad_spec(design: SensorDesign) -> mujoco.MjSpec:
     ModelScopeError : the contact model does not cover the pad.
     """
     draft, fit = Draft.of(design), contact_fit(design)
-    outline, plan = draft.outline, draft.cavity.plan
+    outline = draft.outline
     origin = _origin_mm(outline)
     spec = mujoco.MjSpec()
     spec.modelname = design.name
@@ -100,21 +102,11 @@ def pad_spec(design: SensorDesign) -> mujoco.MjSpec:
     friction = data_quantities("friction.toml")["dry"].value
     contact = {
         "mass": 0.0, "group": TOUCHED, "priority": 1, "condim": 4, "solref": fit.solref, "solimp": fit.solimp,
-        "friction": [friction, 3.0 * math.pi / 16.0 * friction * _spin_radius_mm(design) * M_PER_MM, 1e-4],
+        "friction": [friction, 3.0 * math.pi / 16.0 * friction * fit.contact_radius_mm * M_PER_MM, 1e-4],
     }  # fmt: skip
-    if plan.is_block:
-        low, high = (
-            np.array([0.0, 0.0, outline.cavity_bottom_mm]),
-            np.array([*plan.outline.box_mm[2:], plan.clear_mm]),
-        )
-        face.add_geom(
-            name=TOP, type=mujoco.mjtGeom.mjGEOM_BOX, pos=_m((low + high) / 2 - origin), size=_m((high - low) / 2),
-            **contact,
-        )  # fmt: skip
-    else:
-        layer = _layer(plan, outline.cavity_bottom_mm)
-        _add_mesh(spec, TOP, layer.vertices - origin, layer.triangles)
-        face.add_geom(name=TOP, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=TOP, **contact)
+    hard = {"mass": 0.0, "group": TOUCHED, "solref": fit.solref}
+    _add_filling(spec, pad, "pad_core", outline, outline.bottom_mm, CORE_SHARE, hard)
+    _add_filling(spec, face, TOP, outline, outline.cavity_bottom_mm, 1.0, contact)
     _add_taxels(spec, pad, design, origin)
     return spec
 
@@ -135,6 +127,30 @@ def taxels_mm(design: SensorDesign) -> FloatArray:
     x, y = (axis.ravel() for axis in np.meshgrid(*lines, indexing="ij"))
     inside = plan.outline.contains(x, y)
     return np.column_stack([x[inside], y[inside], plan.top.height_mm(x[inside], y[inside])])
+
+
+def _add_filling(
+    spec: mujoco.MjSpec,
+    body: mujoco.MjsBody,
+    name: str,
+    outline: MoldOutline,
+    foot_mm: float,
+    share: float,
+    contact: dict[str, Any],
+) -> None:
+    """Add a geom that fills the pad's outline from a height to a share of the silicone's height."""
+    plan, bottom, origin = outline.plan, outline.cavity_bottom_mm, _origin_mm(outline)
+    if plan.is_block:
+        box = _between(
+            np.array([0.0, 0.0, foot_mm]),
+            np.array([plan.length_mm, plan.width_mm, bottom + share * (plan.clear_mm - bottom)]),
+        )
+        kind = {"type": mujoco.mjtGeom.mjGEOM_BOX, "pos": _m(box.centre_mm - origin), "size": _m(box.half_mm)}
+    else:
+        layer = _layer(plan, bottom, foot_mm, share)
+        _add_mesh(spec, name, layer.vertices - origin, layer.triangles)
+        kind = {"type": mujoco.mjtGeom.mjGEOM_MESH, "meshname": name}
+    body.add_geom(name=name, **kind, **contact)
 
 
 def _origin_mm(outline: MoldOutline) -> FloatArray:
@@ -205,17 +221,24 @@ def _silicone(design: SensorDesign) -> tuple[Mesh, float]:
     draft = Draft.of(design)
     plan, bottom = draft.cavity.plan, draft.outline.cavity_bottom_mm
     volume_mm3 = plan.clear_volume_mm3 - plan.area_mm2 * bottom
-    return _layer(plan, bottom), volume_mm3 * elastomer_of(design).density_g_per_cm3.value * KG_PER_MM3
+    return _layer(plan, bottom, bottom), volume_mm3 * elastomer_of(
+        design
+    ).density_g_per_cm3.value * KG_PER_MM3
 
 
-def _layer(plan: Plan, bottom_mm: float) -> Mesh:
-    """The body between a height and the untouched top, whose points are in rings from the middle to the edge."""
+def _layer(plan: Plan, bottom_mm: float, foot_mm: float, share: float = 1.0) -> Mesh:
+    """The body from a foot to a share of the way from the silicone's bottom up to the untouched top.
+
+    Points of its top are in rings from the middle to the edge.
+    """
     edge, middle = edge_mm(plan)[:, :2], np.array(plan.centre_mm)
     shares = np.linspace(0.0, 1.0, 2 if plan.top.is_flat else RINGS)
     places = (middle + shares[1:, None, None] * (edge - middle)).reshape(-1, 2)
-    top = np.column_stack([places, plan.top.height_mm(*places.T)])
-    low = np.column_stack([edge, np.full(len(edge), bottom_mm)])
-    vertices = np.concatenate([[[*middle, plan.clear_mm]], top, low, [[*middle, bottom_mm]]])
+    top = np.column_stack([places, bottom_mm + share * (plan.top.height_mm(*places.T) - bottom_mm)])
+    low = np.column_stack([edge, np.full(len(edge), foot_mm)])
+    vertices = np.concatenate(
+        [[[*middle, bottom_mm + share * (plan.clear_mm - bottom_mm)]], top, low, [[*middle, foot_mm]]]
+    )
     count, spoke = len(edge), np.arange(len(edge))
     after = (spoke + 1) % count
     fans = [
@@ -238,7 +261,7 @@ class _Block:
 
 
 def _walls(outline: MoldOutline) -> list[tuple[str, _Block]]:
-    """Boxes of the mold's walls, collars and floor.
+    """Boxes of the mold's walls and collars.
 
     A round wall is boxes around its inner face; at their joints they reach beyond the outer face by a fiftieth of its
     radius.
@@ -264,18 +287,12 @@ def _walls(outline: MoldOutline) -> list[tuple[str, _Block]]:
                 turn_rad=float(angle),
             )
         )
-    x0, y0, x1, y1 = inside.box_mm
-    boxes = [(c.box.x0, c.box.y0, c.box.z0, c.box.x1, c.box.y1, c.box.z1) for c in outline.collars]
-    boxes.append((x0, y0, outline.bottom_mm, x1, y1, outline.cavity_bottom_mm))
-    for box in boxes:
-        low_corner, high_corner = np.array(box[:3]), np.array(box[3:])
-        blocks.append(
-            _Block(centre_mm=(low_corner + high_corner) / 2, half_mm=(high_corner - low_corner) / 2)
-        )
-    names = [f"pad_wall_{k + 1}" for k in range(len(blocks) - 1)]
-    return list(zip([*names, "pad_floor"], blocks, strict=True))
+    for collar in outline.collars:
+        box = collar.box
+        blocks.append(_between(np.array([box.x0, box.y0, box.z0]), np.array([box.x1, box.y1, box.z1])))
+    return [(f"pad_wall_{k + 1}", block) for k, block in enumerate(blocks)]
 
 
-def _spin_radius_mm(design: SensorDesign) -> float:
-    depth = min(SPIN_DEPTH_MM, float(contact_fit(design).depth_mm[-1]))
-    return solved_press(contact_of(design), depth).at(depth).contact_radius_mm
+def _between(low_mm: FloatArray, high_mm: FloatArray) -> _Block:
+    """The box between two corners."""
+    return _Block(centre_mm=(low_mm + high_mm) / 2, half_mm=(high_mm - low_mm) / 2)

@@ -34,6 +34,8 @@ STAGE_TITLES = {
     "data": "samples",
     "map": "light, map of the pad",
     "doubtful places": "light, doubtful locations again",
+    "states": "light under objects, for the fast map",
+    "check": "light under other objects",
     "map error": "light, between the map's nodes",
     "calibration": "fit of the unit's optics",
     "fit": "model",

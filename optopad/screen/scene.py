@@ -26,7 +26,7 @@ class SceneView(Result):
     mass_kg : its mass
     taxels : number of points of the tactile sensor
     light_errors : root mean square error of the map of light by kind of object, as a share of the untouched signal [-];
-        None if no map was made
+        None if the design has no map yet
     command : the command that makes the map of light
     files : files that were written
     """
@@ -87,5 +87,5 @@ class SceneView(Result):
     def _light(self) -> str:
         if self.light_errors is None:
             return f"frames need a map of light, which {self.command} makes once, in 20 minutes on 2 cores"
-        each = ", ".join(f"{kind} {error:.2%}" for kind, error in self.light_errors.items())
-        return f"map of light with an error of {each} of the untouched signal (rms)"
+        each = ", ".join(f"{kind} {100 * error:.2g} %" for kind, error in self.light_errors.items())
+        return f"error of the map of light, rms over the untouched signal: {each}"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from pathlib import Path
 
 from optopad.cli.verb import Asked, verb
@@ -33,22 +32,25 @@ def scene(
     from optopad.fabrication.scene.contact_fit import contact_fit
     from optopad.fabrication.scene.files import write_scene
     from optopad.fabrication.scene.mjcf import pad_spec, taxels_mm
+    from optopad.sims.robot.fast_light import light_file, load_fast_light
+    from optopad.sims.robot.light_fit import fit_fast_light
 
     require_valid(design)
     on_step("scene", 0.0)
     with bundle(design, out, seed=seed) as folder:
         names = list(write_scene(design, folder / "scene"))
     on_step("scene", 1.0)
-    errors = None
+    light = None
     if fit:
-        light_fit = import_module("optopad.sims.robot.light_fit")
-        errors = dict(light_fit.fit_fast_light(design, seed=seed, on_step=on_step).errors)
+        light = fit_fast_light(design, seed=seed, on_step=on_step)
+    elif (file := light_file(design)).is_file():
+        light = load_fast_light(file)
     return SceneView(
         design=design,
         fit=contact_fit(design),
         mass_kg=float(pad_spec(design).compile().body_mass.sum()),
         taxels=len(taxels_mm(design)),
-        light_errors=errors,
+        light_errors=None if light is None else light.errors,
         command=f"optopad scene {asked.words} --fit",
         files=tuple(out / bundle_name(design) / "scene" / name for name in names),
     )

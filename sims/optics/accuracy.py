@@ -19,7 +19,7 @@ class Accuracy:
 
     Attributes
     ----------
-    replicates : number of replicates, 2 or more [-]
+    replicates : number of replicates, 2 or more; 1 is enough for discs, crowned pads and tops on grids [-]
     rings, columns : cells of the top around a press in which images are searched [-]
     whole_ratio : an image is summed path by path if its largest flux density is at most this multiple of its smallest.
         If 0, every image is summed over points of the top [-]
@@ -139,12 +139,14 @@ LADDER = tuple(ACCURACIES[name] for name in ("draft", "standard", "fine", "refer
 """Settings that are tried in turn for a required relative error, cheapest first."""
 
 
-def accuracy_of(accuracy: str | Accuracy) -> Accuracy:
+def accuracy_of(accuracy: str | Accuracy, least: int = 2) -> Accuracy:
     """Settings of a given name, or the given settings themselves.
+
+    least : least number of replicates that give a standard error
 
     Raises
     ------
-    InputError : the name is unknown, or there are fewer than two replicates.
+    InputError : the name is unknown, or there are fewer replicates.
     """
     if isinstance(accuracy, str):
         if accuracy not in ACCURACIES:
@@ -152,8 +154,10 @@ def accuracy_of(accuracy: str | Accuracy) -> Accuracy:
                 f"accuracy: {accuracy!r}, must be one of {', '.join(ACCURACIES)}, or a relative error as 0.001"
             )
         return ACCURACIES[accuracy]
-    if accuracy.replicates < 2:
-        raise InputError(f"accuracy: {accuracy.replicates} replicates, needs 2 or more for a standard error")
+    if accuracy.replicates < least:
+        raise InputError(
+            f"accuracy: {accuracy.replicates} replicates, needs {least} or more for a standard error"
+        )
     return accuracy
 
 

@@ -106,12 +106,12 @@ class HeldPress:
     holds_n: float = 0.0
 
 
-def grid_of(contact: Contact, at_mm: Place) -> tuple[FloatArray, FloatArray]:
+def grid_of(contact: Contact, at_mm: Place, step_mm: float = STEP_MM) -> tuple[FloatArray, FloatArray]:
     """Equally spaced nodes x (nx,) and y (ny,) of a grid that covers the pad, in the press frame at a location [mm]."""
     x, y = _border(contact.draft.plan, at_mm)[1].T
     spans = [(float(one.min()), float(one.max())) for one in (x, y)]
     longest = max(high - low for low, high in spans)
-    step = longest / min(math.ceil(longest / STEP_MM), MOST_STEPS)
+    step = longest / min(math.ceil(longest / step_mm), MOST_STEPS)
     counts = [math.ceil((high - low) / step - 1e-6) for low, high in spans]
     first, second = (
         np.asarray((low + high) / 2 + step * (np.arange(count + 1) - count / 2), np.float64)
@@ -131,14 +131,14 @@ def _border(plan: Plan, at_mm: Place) -> tuple[FloatArray, FloatArray]:
 class Pad:
     """A pad's top on the grid of the press frame at a location."""
 
-    def __init__(self, contact: Contact, at_mm: Place) -> None:
+    def __init__(self, contact: Contact, at_mm: Place, step_mm: float = STEP_MM) -> None:
         plan = contact.draft.plan
         cavity = contact.design.cavity
         elastic_mm = cavity.clear_thickness_mm + cavity.black_thickness_mm - float(plan.top.sag_mm(*at_mm))
         self.thickness_mm = elastic_mm / float(plan.top.normal(*at_mm)[2])
         self.deepest_mm = LARGEST_HELD_SHARE * self.thickness_mm
         self.shear_mpa = contact.draft.modulus.value / 3.0
-        self.x_mm, self.y_mm = grid_of(contact, at_mm)
+        self.x_mm, self.y_mm = grid_of(contact, at_mm, step_mm)
         self.step_mm = float(self.x_mm[1] - self.x_mm[0])
         places = np.stack(np.meshgrid(self.x_mm, self.y_mm, indexing="ij"))
         self.sag_mm = plan.top.in_frame.sag_mm(*places)
@@ -270,9 +270,9 @@ class Pad:
 
 
 @lru_cache(maxsize=4)
-def pad_at(contact: Contact, at_mm: Place) -> Pad:
+def pad_at(contact: Contact, at_mm: Place, step_mm: float) -> Pad:
     """The pad in the press frame at a location; the last ones are kept."""
-    return Pad(contact, at_mm)
+    return Pad(contact, at_mm, step_mm)
 
 
 def held_press(
@@ -282,6 +282,7 @@ def held_press(
     *,
     depth_mm: float | None = None,
     force_n: float | None = None,
+    step_mm: float = STEP_MM,
 ) -> HeldPress:
     """Press rigid objects into a pad, to a depth or with a force.
 
@@ -291,6 +292,7 @@ def held_press(
     bottoms : (nx, ny) height of the objects' lowest surface over each node of `grid_of` above their lowest point, along
         the frame's z [mm]; infinite where there is none
     depth_mm, force_n : how far the objects move from first touch, or the force that moves them; one of both
+    step_mm : largest distance of the nodes, as for `grid_of`
 
     Raises
     ------
@@ -302,14 +304,16 @@ def held_press(
     for name, value in (("depth_mm", depth_mm), ("force_n", force_n)):
         if value is not None and not (math.isfinite(value) and value >= 0.0):
             raise InputError(f"{name}: {value} must be a finite number, 0 or more")
-    pad, gap = touched(contact, at_mm, bottoms)
+    pad, gap = touched(contact, at_mm, bottoms, step_mm)
     if depth_mm is not None:
         return at_depth(pad, gap, depth_mm)
     assert force_n is not None
     return _at_force(pad, gap, force_n)
 
 
-def touched(contact: Contact, at_mm: Place, bottoms: FloatArray) -> tuple[Pad, FloatArray]:
+def touched(
+    contact: Contact, at_mm: Place, bottoms: FloatArray, step_mm: float = STEP_MM
+) -> tuple[Pad, FloatArray]:
     """A pad, and the gap (nx, ny) along the frame's z between its untouched top and objects at first touch [mm].
 
     Raises
@@ -319,7 +323,7 @@ def touched(contact: Contact, at_mm: Place, bottoms: FloatArray) -> tuple[Pad, F
     """
     if not contact.draft.plan.contains(*at_mm):
         raise InputError(f"at_mm: x = {at_mm[0]:g}, y = {at_mm[1]:g} mm must lie in the pad")
-    pad = pad_at(contact, at_mm)
+    pad = pad_at(contact, at_mm, step_mm)
     if bottoms.shape != pad.inside.shape or np.isnan(bottoms).any():
         raise InputError(f"bottoms: give one height, or infinity, for each of {pad.inside.shape} nodes")
     gap = bottoms + np.nan_to_num(pad.sag_mm, nan=float(np.nanmax(pad.sag_mm)))
@@ -494,7 +498,10 @@ def excess(overlap: FloatArray, level: FloatArray, step: float, thickness: float
         area = number == one
         depth = -float(overlap[area].min())
         spread = np.linalg.eigvalsh(np.cov(np.nonzero(area), bias=True) + np.eye(2) / 12.0)
-        roundness, strain = math.sqrt(spread[0] / spread[1]), depth / float(away[area].max())
+        roundness, strain = (
+            math.sqrt(spread[0] / spread[1]),
+            depth / max(float(away[area].max()), UNSEEN * step),
+        )
         softer = SOFTER[0] * strain + SOFTER[1] * strain**2
         found[area] += roundness * softer - (1.0 - roundness) * STIFFER * depth / thickness
     return factor

@@ -268,7 +268,7 @@ def trace_tops(
         tops.stack  # noqa: B018 (refuses tops that cannot be lowered, before any light)
     asked = _class_pairs(wanted, classes)
     if isinstance(accuracy, (str, Accuracy)):
-        target, ladder = np.inf, [accuracy_of(accuracy)]
+        target, ladder = np.inf, [accuracy_of(accuracy, 2 if scene.form is None else 1)]
     else:
         target, ladder = checked_target(accuracy), list(LADDER)
     rows = np.zeros((*asked.shape[:2], ROW, asked.shape[2]))

@@ -11,7 +11,7 @@ from optopad.fabrication.scene.contact_fit import LARGEST_STEP_S, contact_fit, t
 from optopad.sims.contact.indentation import solved_press
 from optopad.sims.contact.scope import contact_of
 
-from .pads import FLAT, ROUND, SHAPES, ball_model, design_of, settled_depth_mm
+from .pads import FLAT, GAP_MM, ROUND, SHAPES, ball_model, design_of, settled_depth_mm
 
 LARGEST_ERROR = 0.05
 
@@ -30,6 +30,12 @@ def test_the_fit_is_within_five_percent_of_the_contact_model_at_all_depths(name:
     assert np.abs(fit.force_at_n(between) / force - 1.0).max() < LARGEST_ERROR
 
 
+def test_the_fit_is_for_a_ball_whatever_the_tips_shape() -> None:
+    punch = design_of(FLAT).with_(**{"indenter.shape": "flat_punch", "indenter.edge_radius_mm": 0.3})
+    found, ball = contact_fit(punch), contact_fit(design_of(FLAT))
+    assert (found.solimp, found.inverse_weight) == (ball.solimp, ball.inverse_weight)
+
+
 @pytest.mark.parametrize("step", [0.001, 0.002, LARGEST_STEP_S])
 @pytest.mark.parametrize("mass", [0.005, 2.0])
 def test_a_ball_at_rest_meets_the_contact_models_force(step: float, mass: float) -> None:
@@ -38,6 +44,24 @@ def test_a_ball_at_rest_meets_the_contact_models_force(step: float, mass: float)
         depth = settled_depth_mm(model, fit.force_n[k], rest_s=0.4 + mass)
         # Against the fit, a ball of 5 g differs by half of 200 /kg over 42,000 /kg.
         assert fit.force_at_n(depth) == pytest.approx(fit.force_n[k], rel=0.003)
+
+
+@pytest.mark.parametrize("step", [0.001, LARGEST_STEP_S])
+@pytest.mark.parametrize("mass", [0.005, 0.5, 2.0])
+def test_a_ball_that_falls_on_the_pad_comes_to_rest_on_it(step: float, mass: float) -> None:
+    fit, model = contact_fit(design_of(FLAT)), ball_model(FLAT, mass=mass, step=step)
+    model.opt.gravity[2] = -9.81
+    data, height_m = mujoco.MjData(model), []
+    data.qpos[0] = 0.02
+    while data.time < 1.0 + mass:
+        mujoco.mj_step(model, data)
+        height_m.append(data.qpos[0])
+    assert abs(data.qvel[0]) < 1e-4
+    layer_mm = 6.0
+    assert min(height_m) * -1e3 - GAP_MM < 1.2 * layer_mm  # 2 kg on a pin of 3 mm go deep, but not through
+    depth = -data.qpos[0] * 1e3 - GAP_MM
+    if depth < 0.4 * layer_mm:
+        assert fit.force_at_n(depth) == pytest.approx(mass * 9.81, rel=0.01)
 
 
 @pytest.mark.parametrize("impratio", [1.0, 10.0])

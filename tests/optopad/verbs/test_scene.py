@@ -4,15 +4,23 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import mujoco
 import numpy as np
 import pytest
 
 from optopad.cli import main
+from optopad.design.progress import OnStep
+from optopad.design.spec import SensorDesign
 from optopad.fabrication.bundle import altered_files
 
 PAD = "gripper-stadium"
+
+
+@pytest.fixture(autouse=True)
+def _no_map_of_light(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("OPTOPAD_CACHE", str(tmp_path / "cache"))
 
 
 @pytest.fixture(scope="module")
@@ -46,6 +54,22 @@ def test_the_screen_has_mass_error_and_how_to_attach_the_pad(
     assert said.endswith(str(folder / "scene"))
 
 
+def test_fit_makes_the_map_of_light_and_says_its_errors(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked = []
+
+    def fitted(design: SensorDesign, *, seed: int, on_step: OnStep) -> SimpleNamespace:
+        asked.append((design.name, seed))
+        on_step("states", 1.0)
+        return SimpleNamespace(errors={"ball": 0.00241, "all": 0.0093})
+
+    monkeypatch.setattr("optopad.sims.robot.light_fit.fit_fast_light", fitted)
+    assert main(["scene", PAD, "--fit", "--seed", "3", "--out", str(folder.parent)]) == 0
+    assert asked == [(PAD, 3)]
+    assert "rms over the untouched signal: ball 0.24 %, all 0.93 %" in capsys.readouterr().out
+
+
 def test_json_has_the_contact_parameters_of_the_file(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -63,6 +87,6 @@ def test_json_has_the_contact_parameters_of_the_file(
 def test_a_design_that_breaks_a_rule_writes_nothing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["scene", PAD, "--out", str(tmp_path), "--set", "mold.floor_mm=0.1"]) == 2
+    assert main(["scene", PAD, "--out", str(tmp_path / "out"), "--set", "mold.floor_mm=0.1"]) == 2
     assert "mold.floor_mm" in capsys.readouterr().err
-    assert list(tmp_path.iterdir()) == []
+    assert not (tmp_path / "out").exists()

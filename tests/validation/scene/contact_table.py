@@ -37,7 +37,7 @@ OBJECTS = {
     "box,length=6,width=6,height=6": (GEOM.mjGEOM_BOX, [3.0, 3.0, 3.0], 3.0),
     "box,length=12,width=12,height=12": (GEOM.mjGEOM_BOX, [6.0, 6.0, 6.0], 6.0),
 }
-"""Objects as `optopad press` names them, and as geoms: half sizes and height of the middle over the lowest point [mm]."""
+"""Objects as `optopad press` names them, and as geoms: half sizes, and height of the middle over the foot [mm]."""
 
 
 def force_rows() -> list[str]:

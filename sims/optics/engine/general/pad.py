@@ -345,7 +345,7 @@ def lattice_error(mirrored: FloatArray) -> FloatArray:
     count, batches = mirrored.shape[0], mirrored.shape[2]
     alone = mirrored.sum(axis=1) * batches
     within = np.sqrt(alone.var(axis=1, ddof=1).mean(axis=0)) * FINER_LATTICE
-    between = alone.mean(axis=1).std(axis=0, ddof=1)
+    between = alone.mean(axis=1).std(axis=0, ddof=1) if count > 1 else 0.0
     return np.asarray(np.maximum(within, between) / np.sqrt(count))
 
 

@@ -1,0 +1,152 @@
+"""How far solid shapes reach below the top of a pad: the depth image of a robot's simulation.
+
+The pad's untouched top has nodes with normals. The line along the normal through each node enters the shape at a signed
+distance t from the node, for lines that come from inside the pad; the *overlap* is -t. So it is above 0 where the
+shape is below the untouched top, its negative is the gap elsewhere, and -∞ where the line misses the shape.
+
+Shapes and their sizes are those of MuJoCo's geoms. They have sharp edges.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import ConvexHull
+
+from optopad.design.arrays import FloatArray
+from optopad.design.errors import InputError
+
+KINDS = ("sphere", "ellipsoid", "cylinder", "capsule", "box", "hull")
+PARALLEL = 1e-9
+"""Component of a direction below which a line counts as parallel to a side or an axis [-]."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Shape:
+    """A convex solid with its centre at the origin of its own axes.
+
+    Attributes
+    ----------
+    kind : one of `KINDS`
+    size_mm : (3,) half sizes, unused ones 0: the radius of a sphere; radius and half length of a cylinder or capsule
+        along its z axis; half sides of a box; half axes of an ellipsoid [mm]
+    planes : (f, 4) of a hull: unit normals n and distances d, inside is n·p <= d [-, mm]; None for other kinds
+    """
+
+    kind: str
+    size_mm: FloatArray
+    planes: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise InputError(f"shape: {self.kind!r} is refused; give one of {', '.join(KINDS)}")
+
+    def entry_mm(self, start_mm: FloatArray, way: FloatArray) -> FloatArray:
+        """Distance (...,) along lines from points (..., 3) in unit directions (..., 3), until they enter; inf if never.
+
+        It is negative if the shape begins behind the point. Points and directions are in the shape's own axes.
+        """
+        with np.errstate(invalid="ignore", divide="ignore"):
+            first, last = _SPANS[self.kind](self, start_mm, way)
+            return np.where(first <= last, first, np.inf)
+
+
+def hull_of(points_mm: FloatArray) -> Shape:
+    """The convex hull of points (n, 3), as a shape about their origin.
+
+    Raises
+    ------
+    InputError : the points are fewer than four, or lie in a plane.
+    """
+    if len(points_mm) < 4 or np.linalg.matrix_rank(points_mm - points_mm[0], tol=1e-9) < 3:
+        raise InputError(f"hull: {len(points_mm)} points in a plane enclose nothing; give a solid's corners")
+    equations = np.unique(np.round(ConvexHull(points_mm).equations, 9), axis=0)
+    planes = np.column_stack([equations[:, :3], -equations[:, 3]])
+    return Shape(kind="hull", size_mm=np.zeros(3), planes=planes)
+
+
+def overlap_mm(
+    shape: Shape, centre_mm: FloatArray, turn: FloatArray, points_mm: FloatArray, normals: FloatArray
+) -> FloatArray:
+    """Overlap (n, k) of a shape in n poses at k nodes of the top [mm]; -inf where it is nowhere over a node.
+
+    Parameters
+    ----------
+    centre_mm, turn : (n, 3) centres and (n, 3, 3) rotations of the shape; columns of a rotation are its axes
+    points_mm, normals : (k, 3) nodes and (k, 3) outward unit normals; one normal (1, 3) on a flat top
+    """
+    start = (points_mm - centre_mm[:, None]) @ turn
+    return np.asarray(-shape.entry_mm(start, normals @ turn))
+
+
+Span = tuple[FloatArray, FloatArray]
+"""First and last distance (...,) along lines within a shape; the first is above the last, or NaN, for a miss."""
+
+
+def _dot(one: FloatArray, other: FloatArray) -> FloatArray:
+    return np.asarray(np.einsum("...i,...i->...", one, other))
+
+
+def _round(start: FloatArray, way: FloatArray, square: float) -> Span:
+    """Span of |start + t way|² <= square, in two or three dimensions."""
+    a, b = _dot(way, way), _dot(start, way)
+    a = np.maximum(a, PARALLEL**2)
+    root = np.sqrt(b * b - a * (_dot(start, start) - square))
+    return (-b - root) / a, (-b + root) / a
+
+
+def _slabs(start: FloatArray, way: FloatArray, half: FloatArray) -> Span:
+    """Span within |component| <= half (m,) for each of m components."""
+    inverse = 1.0 / np.where(np.abs(way) < PARALLEL, PARALLEL, way)
+    middle, reach = -start * inverse, half * np.abs(inverse)
+    return (middle - reach).max(axis=-1), (middle + reach).min(axis=-1)
+
+
+def _ellipsoid(shape: Shape, start: FloatArray, way: FloatArray) -> Span:
+    half = shape.size_mm if shape.kind == "ellipsoid" else shape.size_mm[:1]
+    return _round(start / half, way / half, 1.0)
+
+
+def _box(shape: Shape, start: FloatArray, way: FloatArray) -> Span:
+    return _slabs(start, way, shape.size_mm)
+
+
+def _cylinder(shape: Shape, start: FloatArray, way: FloatArray) -> Span:
+    side = _round(start[..., :2], way[..., :2], float(shape.size_mm[0]) ** 2)
+    ends = _slabs(start[..., 2:], way[..., 2:], shape.size_mm[1:2])
+    return np.maximum(side[0], ends[0]), np.minimum(side[1], ends[1])
+
+
+def _capsule(shape: Shape, start: FloatArray, way: FloatArray) -> Span:
+    """The line enters where it enters the infinite cylinder or, if that is beyond an end, the ball there."""
+    radius, half = shape.size_mm[:2]
+    side = _round(start[..., :2], way[..., :2], float(radius) ** 2)
+    spans = []
+    for distance in side:
+        centre = np.zeros(np.broadcast_shapes(start.shape, way.shape))
+        height = start[..., 2] + distance * way[..., 2]
+        centre[..., 2] = np.clip(height, -half, half)
+        spans.append((np.abs(height) <= half, _round(start - centre, way, float(radius) ** 2)))
+    (at_first, first), (at_last, last) = spans
+    return np.where(at_first, side[0], first[0]), np.where(at_last, side[1], last[1])
+
+
+def _hull(shape: Shape, start: FloatArray, way: FloatArray) -> Span:
+    assert shape.planes is not None
+    normals, distances = shape.planes[:, :3].T, shape.planes[:, 3]
+    slope = way @ normals
+    slope = np.where(np.abs(slope) < PARALLEL, PARALLEL, slope)
+    cut = (distances - start @ normals) / slope
+    enters = slope < 0.0
+    return np.where(enters, cut, -np.inf).max(axis=-1), np.where(enters, np.inf, cut).min(axis=-1)
+
+
+_SPANS = {
+    "sphere": _ellipsoid,
+    "ellipsoid": _ellipsoid,
+    "cylinder": _cylinder,
+    "capsule": _capsule,
+    "box": _box,
+    "hull": _hull,
+}
