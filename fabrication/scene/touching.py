@@ -10,6 +10,7 @@ sensors'; `mj_forward` renews them.
 
 from __future__ import annotations
 
+import math
 import warnings
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
     from mujoco import MjData, MjModel
 
 MM_PER_M = 1e3
+REACH_MM = 30.0
+"""Largest distance at which a turn of an object about its centre counts: about the size of a pad."""
 CAVITY = "pad_cavity"
 """Name of the site of the cavity frame."""
 
@@ -47,14 +50,30 @@ class Touching:
     Attributes
     ----------
     geoms : numbers of their geoms in the model
-    centre_mm, turn : (3,) centres and (3, 3) rotations in the cavity frame, for each; columns are the objects' axes
+    centre_mm, turn : (3,) centres and (3, 3) rotations in the cavity frame, for each; columns are the objects' axes.
+        The frame of a unit with a higher top is as much higher
     pressed_mm : largest depth of its contacts by MuJoCo, for each
+    reach_mm : distance of its farthest point from its centre, at most `REACH_MM`, for each
     """
 
     geoms: tuple[int, ...] = ()
     centre_mm: tuple[FloatArray, ...] = ()
     turn: tuple[FloatArray, ...] = ()
     pressed_mm: tuple[float, ...] = ()
+    reach_mm: tuple[float, ...] = ()
+
+    def moved_mm(self, other: Touching) -> float:
+        """About the longest way of a point of the objects to another time; infinite if other objects touch then."""
+        if self.geoms != other.geoms:
+            return math.inf
+        ways = zip(self.centre_mm, other.centre_mm, self.turn, other.turn, self.reach_mm, strict=True)
+        return max(
+            (
+                math.dist(here, there) + reach * float(np.abs(turn - turned).max())
+                for here, there, turn, turned, reach in ways
+            ),
+            default=0.0,
+        )
 
 
 NOTHING = Touching()
@@ -70,6 +89,7 @@ class PadTop:
     model : compiled model
     name : name of the pad, which is its prefix without the underscore; "" for a pad without a prefix
     digest : digest of the pad's design
+    raised_mm : height by which the unit's top is above that of the design; the model's top is moved there
     stiffness : factor of all forces, for objects that are unlike a ball of the tip's radius [-]
 
     Raises
@@ -77,7 +97,9 @@ class PadTop:
     InputError : the model has no pad of this name, or one of another design; or its time step is too long.
     """
 
-    def __init__(self, model: MjModel, name: str, digest: str, stiffness: float = 1.0) -> None:
+    def __init__(
+        self, model: MjModel, name: str, digest: str, *, raised_mm: float = 0.0, stiffness: float = 1.0
+    ) -> None:
         self._model, self._geom = model, tuned(model, name, stiffness=stiffness)
         self._site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, prefixed(name, CAVITY))
         text = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TEXT, prefixed(name, DESIGN))
@@ -93,7 +115,11 @@ class PadTop:
                 f"design: {digest[:8]}, but the model's pad {name!r} is of design {found[:8]}; give its design, or "
                 "write the pad's file again with `optopad scene`"
             )
+        model.body_pos[model.geom_bodyid[self._geom]] = 0.0, 0.0, raised_mm / MM_PER_M
+        self._raised_mm = np.array([0.0, 0.0, raised_mm])
         self._shapes: dict[int, Shape | None] = {}
+        bounds_mm = model.geom_rbound * MM_PER_M  # 0 for planes, which have none
+        self._reach_mm = np.where(bounds_mm > 0.0, np.minimum(bounds_mm, REACH_MM), REACH_MM).tolist()
         self._has_warned = False
 
     def touching(self, data: MjData) -> Touching:
@@ -113,9 +139,12 @@ class PadTop:
         axes = data.site_xmat[self._site].reshape(3, 3)
         return Touching(
             geoms=geoms,
-            centre_mm=tuple((data.geom_xpos[geom] - origin) @ axes * MM_PER_M for geom in geoms),
+            centre_mm=tuple(
+                (data.geom_xpos[geom] - origin) @ axes * MM_PER_M - self._raised_mm for geom in geoms
+            ),
             turn=tuple(axes.T @ data.geom_xmat[geom].reshape(3, 3) for geom in geoms),
             pressed_mm=tuple(pressed_mm[geom] for geom in geoms),
+            reach_mm=tuple(self._reach_mm[geom] for geom in geoms),
         )
 
     def shape(self, geom: int) -> Shape | None:

@@ -19,7 +19,7 @@ units of the 16 mm fingertip, at 40 other presses each, traced with another seed
 untouched signal, where the design's own map errs by 3.3 to 5.2 %, and the stated error is right within a tenth of it.
 
 Left out: scatter between parts of one kind, as in the tolerances; objects unlike the tip, whose error may be larger;
-the force of the unit, and the height of its top in the scene, which stay those of the design. The gains are set anew on
+the force of the unit, which stays that of the design, and its length and width in the scene. The gains are set anew on
 a unit, as for the units that `optopad score --builds` judges.
 """
 

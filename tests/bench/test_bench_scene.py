@@ -22,7 +22,7 @@ def test_a_frame_of_eight_and_eight_parts(benchmark, bench_size, depth_mm):
         data.time += pad.interval_s
         pad.frame(data)
 
-    benchmark.pedantic(frame, rounds=bench_size.of(20, 1), iterations=bench_size.of(100, 3), warmup_rounds=1)
+    benchmark.pedantic(frame, rounds=bench_size.of(200, 1), iterations=bench_size.of(10, 3), warmup_rounds=1)
     assert pad.last.sequence > 0
     if bench_size.is_timed:
         benchmark.extra_info["us"] = round(benchmark.stats["min"] * 1e6, 1)
@@ -35,7 +35,7 @@ def test_a_call_between_two_frames(benchmark, bench_size):
     data = press.to(1.0)
     first = pad.frame(data)
     benchmark.pedantic(
-        pad.frame, (data,), rounds=bench_size.of(20, 1), iterations=bench_size.of(100, 3), warmup_rounds=1
+        pad.frame, (data,), rounds=bench_size.of(200, 1), iterations=bench_size.of(10, 3), warmup_rounds=1
     )
     assert pad.frame(data) is first
 
@@ -45,7 +45,7 @@ def test_a_step_of_the_scene(benchmark, bench_size):
     data = press.to(1.0)
     benchmark.pedantic(
         lambda: mujoco.mj_step(press.model, data),
-        rounds=bench_size.of(20, 1),
-        iterations=bench_size.of(100, 3),
+        rounds=bench_size.of(200, 1),
+        iterations=bench_size.of(10, 3),
         warmup_rounds=1,
     )

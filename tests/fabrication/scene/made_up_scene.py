@@ -74,7 +74,9 @@ def pad_body(prefix: str = "", at_m: float = 0.0, design: SensorDesign = DESIGN)
     return f"""
       <!--{prefix} {design.digest}-->
       <body name="{prefix}pad" pos="{at_m} 0 0">
-        <geom name="{prefix}pad_top" type="box" size="{x} {y} {z}" pos="{x} {y} {z}" priority="1"/>
+        <body name="{prefix}pad_face">
+          <geom name="{prefix}pad_top" type="box" size="{x} {y} {z}" pos="{x} {y} {z}" priority="1"/>
+        </body>
         <site name="{prefix}pad_cavity"/>
       </body>"""
 

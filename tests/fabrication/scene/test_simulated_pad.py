@@ -63,27 +63,58 @@ def test_a_frame_is_the_latest_delivered_one_however_often_it_is_asked_for() -> 
     assert [one.device_us for one in distinct.values()] == [1000 + 10_000 * k for k in range(10)]
 
 
+class EvenLight(StandInLight):
+    """Light of all pairs that falls evenly with the depth, and counts the states that it is asked for."""
+
+    asked = 0
+
+    def ratios(self, imprint: Imprint) -> np.ndarray:
+        self.asked += len(imprint)
+        depth_mm = np.maximum(imprint.deepest_mm, 0.0)
+        return np.broadcast_to((1.0 - 0.2 * depth_mm)[:, None, None], (len(imprint), 8, 8))
+
+
+def even_pad(step_s: float) -> tuple[SimulatedPad, EvenLight, Press]:
+    light = EvenLight(QUIET)
+    press = Press(scene(quiet_body(), ball(), step_s=step_s), *light.points_mm[112, :2])
+    return SimulatedPad(press.model, QUIET, light=light), light, press
+
+
 @pytest.mark.parametrize(("step_s", "steps"), [(0.001, 1), (0.004, 1), (0.003, 10)])
-def test_each_pair_has_the_light_of_its_own_conversion(step_s: float, steps: int) -> None:
-    """The light falls evenly in time, and so does that of each pair between the calls, whatever their interval."""
-
-    class Even(StandInLight):
-        def ratios(self, imprint: Imprint) -> np.ndarray:
-            return np.broadcast_to((1.0 - 0.2 * imprint.deepest_mm)[:, None, None], (len(imprint), 8, 8))
-
-    light = Even(QUIET)
-    node = light.points_mm[112]
-    press = Press(scene(quiet_body(), ball(), step_s=step_s), node[0], node[1])
-    pad = SimulatedPad(press.model, QUIET, light=light)
+@pytest.mark.parametrize("speed_mm_s", [5.0, 30.0])
+def test_each_pair_has_the_light_of_its_own_conversion(step_s: float, steps: int, speed_mm_s: float) -> None:
+    """The depth grows evenly in time, so between the calls the light of each pair is known, whatever their interval."""
+    pad, light, press = even_pad(step_s)
     pad.frame(press.to(1e-9))
-    while press.data.time < 0.2:
+    while press.data.time < 0.07:
         for _ in range(steps):
-            press.step(5.0 * (press.data.time + step_s))
+            press.step(speed_mm_s * (press.data.time + step_s))
         frame = pad.frame(press.data)
     at_s = frame.began_s + pad._chain.read_at_s[:-1]
-    exact = light.untouched * pad._chain.gains * (1.0 - 0.2 * 5.0 * at_s)
-    assert np.ptp(5.0 * at_s) > 0.015
+    exact = light.untouched * pad._chain.gains * (1.0 - 0.2 * speed_mm_s * at_s)
+    assert frame.began_s > 0.03
     assert np.abs(frame.signals - exact).max() <= 0.5 + 1e-6
+
+
+def test_a_contact_within_a_frame_is_seen_by_the_later_pairs_alone() -> None:
+    pad, light, press = even_pad(0.001)
+    frame, touched_s = pad.frame(press.to(-1.0)), 0.0525
+    while press.data.time < 0.06:
+        press.step(50.0 * (press.data.time + 0.001 - touched_s))
+        frame = pad.frame(press.data)
+    at_s = frame.began_s + pad._chain.read_at_s[:-1]
+    depth_mm = np.maximum(50.0 * (at_s - touched_s), 0.0)
+    assert 0 < (depth_mm > 0.0).sum() < 64
+    exact = light.untouched * pad._chain.gains * (1.0 - 0.2 * depth_mm)
+    assert np.abs(frame.signals - exact).max() <= 2.0  # of 300: the light is linear between two steps
+
+
+def test_light_is_computed_once_a_frame_while_objects_rest() -> None:
+    pad, light, press = even_pad(0.001)
+    while press.data.time < 0.5:
+        frame = pad.frame(press.step(0.5))
+    assert frame.sequence == 29
+    assert light.asked <= 30
 
 
 def test_a_pad_reads_the_same_wherever_it_is_mounted() -> None:

@@ -20,6 +20,7 @@ from optopad.sims.robot.fast_light import Imprint
 from optopad.sims.robot.shapes import Shape
 from tests.fabrication.scene.made_up_scene import (
     DESIGN,
+    QUIET,
     Press,
     StandInLight,
     ball,
@@ -50,6 +51,7 @@ def unit() -> UnitLight:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "trace", traced)
+        patch.setattr(module, "PRESSES", 100)
         return unit_light(light, DESIGN, DESIGN)
 
 
@@ -108,10 +110,20 @@ def test_a_simulated_unit_keeps_the_configuration_of_its_design(
     calibrated = optopad.load(tmp_path / "design.toml")  # as `optopad calibrate` writes it
     press = Press(scene(pad_body(), ball()), 8.0, 8.0)
     designed = SimulatedPad(press.model, DESIGN, light=StandInLight())
-    press.to(1.0)
+    one = designed.frame(press.to(1.0)).normalised
     for build in (3, calibrated):
         built = SimulatedPad(press.model, DESIGN, light=StandInLight(), build=build)
         assert built.config == designed.config
-        one, other = designed.frame(press.data).normalised, built.frame(press.data).normalised
-        assert other.min() < one.min() - 0.02
+        assert np.abs(built.frame(press.to(1.0)).normalised - one).max() > 0.02
     assert asked == [drawn_design(DESIGN, 3), calibrated]
+
+
+def test_a_thicker_unit_is_touched_earlier(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("optopad.fabrication.scene.simulated_pad.unit_light", lambda light, *_: light)
+    unit = QUIET.with_(**{"cavity.clear_thickness_mm": 5.1, "cavity.black_thickness_mm": 1.05})
+    press = Press(scene(pad_body(design=QUIET), ball()), 8.0, 8.0)
+    designed = SimulatedPad(press.model, QUIET, light=StandInLight(QUIET)).frame(press.to(0.5))
+    thick = SimulatedPad(press.model, QUIET, light=StandInLight(QUIET), build=unit)
+    np.testing.assert_array_equal(thick.frame(press.to(0.35)).counts, designed.counts)
+    again = SimulatedPad(press.model, QUIET, light=StandInLight(QUIET)).frame(press.to(0.5))
+    np.testing.assert_array_equal(again.counts, designed.counts)
