@@ -81,7 +81,9 @@ if TYPE_CHECKING:
     from optopad.sims.learning.inference.touch_model import TouchModel
 
 SEEN_MM = 0.05
-"""Depth of a contact by MuJoCo above which the map of light must show an overlap [mm]."""
+"""Depth of a contact by MuJoCo above which the object must be near some node of the map of light [mm]."""
+BESIDE_MM = 1.0
+"""Gap of an object to all nodes beyond which it is beside the map; a ball between nodes has less [mm]."""
 STEP_MM, REST_MM = 0.05, 0.005
 """Motion within a frame for which light is computed once more, and below which once is enough [mm]. Light that changes
 by 30 % per mm is off by 0.08 % at most then, less than an emitter's fluctuation."""
@@ -387,7 +389,10 @@ class SimulatedPad:
                 np.array([many[k].centre_mm[place] for k, place in rows]),
                 np.array([many[k].turn[place] for k, place in rows]),
             )
-            if any(many[k].pressed_mm[place] > SEEN_MM for k, place in rows) and own.overlap_mm.max() <= 0.0:
+            if (
+                any(many[k].pressed_mm[place] > SEEN_MM for k, place in rows)
+                and own.overlap_mm.max() <= -BESIDE_MM
+            ):
                 self._warn(
                     f"the geom {self._top.geom_name(geom)} touches the pad beside the area of the map of light, at its "
                     "rim or walls; the frames show nothing of it"
