@@ -1,6 +1,6 @@
 """A Gymnasium environment: close a gripper on an object until the touch has a depth, by the pad's frames alone.
 
-    env = gymnasium.make("optopad.envs:GraspDepth-v0", design="gripper-teensy")
+    env = gymnasium.make("optopad.envs:GraspDepth-v0", design="piacenza2017-pad")
 
 It needs the extra `gym`, and the pad's map of light: run `optopad scene DESIGN --fit` once.
 
@@ -66,7 +66,7 @@ class GraspDepth(gymnasium.Env[Observation, Observation]):
 
     def __init__(
         self,
-        design: SensorDesign | str | Path = "gripper-teensy",
+        design: SensorDesign | str | Path = "piacenza2017-pad",
         *,
         light: PadLight | str | None = None,
         target_mm: float = TARGET_MM,
