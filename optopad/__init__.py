@@ -25,6 +25,7 @@ from optopad.api import (
 
 TYPE_CHECKING = False  # as in typing, which takes a while to load
 if TYPE_CHECKING:
+    from optopad.sims.robot.forward import forward as forward
     from optopad.verbs.check import check as check
     from optopad.verbs.compare import compare as compare
     from optopad.verbs.improve import improve as improve
@@ -44,6 +45,7 @@ __all__ = [
     "TouchReader",
     "check",
     "compare",
+    "forward",
     "improve",
     "load",
     "load_model",

@@ -98,6 +98,7 @@ _LATER = {
     "TouchReader": "optopad.fabrication.driver.touch_reader",
     "check": "optopad.verbs.check",
     "compare": "optopad.verbs.compare",
+    "forward": "optopad.sims.robot.forward",
     "improve": "optopad.verbs.improve",
     "predict": "optopad.verbs.predict",
     "press": "optopad.verbs.press",

@@ -195,20 +195,31 @@ class FastLight:
         """Light over untouched light (n, emitter, receiver); exactly 1 where nothing touches."""
         pressed = imprint.limited(self.deepest_mm)
         ratio, features = self.parts(pressed)
-        ratio += features @ self.weights
+        if features.any():
+            ratio += features @ self.weights
         ratio[pressed.deepest_mm <= 0.0] = 1.0
         return np.maximum(ratio, 0.0).reshape(-1, *self.untouched.shape)
 
     def parts(self, imprint: Imprint) -> tuple[FloatArray, Single]:
         """The product (n, pair) over balls, and F(o) - Σ F(o_i) (n, channel x node); see the module."""
         ratio: FloatArray = np.ones((len(imprint), self.untouched.size))
-        found = self.features(imprint.overlap_mm)
+        overlap = imprint.overlap_mm
+        of_tips = []
         for k in range(imprint.balls_mm.shape[1]):
             rows = np.flatnonzero(imprint.balls_mm[:, k, 2] > 0.0)
             if rows.size:
                 at = self._in_map(imprint.balls_mm[rows, k])
                 ratio[rows] *= np.square(self.tip.values(at))
-                found[rows] -= self.features(self._tip_overlap_mm(at))
+                of_tips.append((rows, self._tip_overlap_mm(at)))
+        if (
+            len(of_tips) == 1
+            and len(of_tips[0][0]) == len(imprint)
+            and np.array_equal(of_tips[0][1], overlap)
+        ):
+            return ratio, np.zeros((len(imprint), len(self.weights)), np.float32)
+        found = self.features(overlap)
+        for rows, own in of_tips:
+            found[rows] -= self.features(own)
         return ratio, found
 
     def features(self, overlap_mm: FloatArray) -> Single:

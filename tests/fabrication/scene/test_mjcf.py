@@ -41,6 +41,7 @@ def test_penetration_is_the_depth_of_the_press_and_taxels_measure_it(name: str) 
     assert taxels[depths.argmax(), :2] == pytest.approx(middle, abs=0.51)
 
 
+@pytest.mark.slow
 def test_a_ball_beside_the_middle_of_a_dome_meets_it_as_a_sphere() -> None:
     model, data = pressed(DOME, 0.8, (14.0, 8.0))
     mujoco.mj_forward(model, data)
