@@ -102,7 +102,7 @@ def driver_config(
         frame=_frame(circuit),
         timing=_timing(circuit),
         workspace=_workspace(design),
-        surface=surface_of(design),
+        surface=_surface(design),
         ambient=AmbientRule(subtract_state=len(lit) if design.board.dark == "frame" else None),
         memory=_memory(design),
         gain=_gain(circuit, counts_per_flux),
@@ -225,8 +225,7 @@ def _timing(circuit: Circuit) -> TimingBudget:
     )
 
 
-def surface_of(design: SensorDesign) -> SurfaceEntry:
-    """Shape of a design's untouched top."""
+def _surface(design: SensorDesign) -> SurfaceEntry:
     plan = plan_of(design)
     return SurfaceEntry(
         top_mm=(*plan.centre_mm, plan.clear_mm),

@@ -116,7 +116,7 @@ class SimulatedPad:
     light : map of the pad's light, or its file; if None, the one that `optopad scene DESIGN --fit` stored
     build : number of a unit, which is drawn within the design's tolerances and unmeasured values; or the design of a
         manufactured unit, as `optopad calibrate` writes it. Its light is traced and fitted (`unit_light`), which takes
-        some 20 s the first time, and its top is moved to its height. If None, the pad is as designed
+        about a minute on 2 cores, and its top is moved to its height. If None, the pad is as designed
     seed : seed of drift and noise
     touch_model : trained model for `touch`; None if that is not needed
     touches : largest number of touches in a frame, 1 or 2

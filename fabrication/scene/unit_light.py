@@ -1,9 +1,9 @@
-"""The light of one manufactured unit, from the map of light of its design and some traced presses of the unit.
+"""The light of one manufactured unit, from the map of light of its design and some traced states of the unit.
 
 A unit differs from its design by the tolerances of its manufacture and by the values that nobody has measured
 (`optopad.design.spec.tolerances`). A map of light of its own would take as long as that of the design. Here the unit's
-untouched light is traced, and the change of light under objects is corrected by what `PRESSES` traced presses of the
-tip show, at random locations and depths:
+untouched light is traced, and the change of light under objects is corrected by what `STATES` traced states of all
+kinds of objects show (`optopad.sims.robot.light_states`):
 
     r(o) = r₀(s o) + f(r₀(s o)),   f(x) = Σₖ wₖ (k(x, xₖ) - k(x, 1) k(1, xₖ)),   k(x, y) = exp(-|x - y|² / 2 l²)
 
@@ -13,19 +13,17 @@ the same dimple as a deeper one. What remains has no simple form: scaling the lo
 factor for each pair or by factors that depend on location and depth, explains next to nothing of it. All pairs together
 tell where an object is, so f needs no coordinates of it and takes any object. f is 0 on the untouched pad.
 
-Factor, width l and ridge have the least error at the presses themselves, each left out in turn. This error is stated
-(`UnitLight.error`) next to that of the design's own map at the same presses (`UnitLight.error_of_design`). For four
-units of the 16 mm fingertip, at 40 other presses each, traced with another seed, the error is 1.9 to 3.0 % rms of the
-untouched signal, where the design's own map errs by 3.3 to 5.2 %, and the stated error is right within a tenth of it.
+Factor, width l and ridge have the least error at the states themselves, each left out in turn. This error is stated
+(`UnitLight.error`) next to that of the design's own map at the same states (`UnitLight.error_of_design`).
 
-Left out: scatter between parts of one kind, as in the tolerances; objects unlike the tip, whose error may be larger;
-the force of the unit, which stays that of the design, and its length and width in the scene. The gains are set anew on
-a unit, as for the units that `optopad score --builds` judges.
+Left out: scatter between parts of one kind, as in the tolerances; the force of the unit, which stays that of the
+design, and its length and width in the scene. The gains are set anew on a unit, as for the units that `optopad score
+--builds` judges.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -35,17 +33,14 @@ from optopad.design.errors import InputError, OptopadError
 from optopad.design.shape.cavity import cavity_of
 from optopad.design.spec import SensorDesign
 from optopad.design.spec.tolerances import build_tolerances
-from optopad.fabrication.driver_config import surface_of
 from optopad.fabrication.scene.pad_light import PadLight
-from optopad.sims.optics.tracing import trace
-from optopad.sims.robot.fast_light import Imprint
+from optopad.sims.robot.fast_light import FastLight, Imprint
+from optopad.sims.robot.light_states import StateSource, traced_ratios
 from optopad.sims.robot.shapes import Shape
 from optopad.sims.verdict.builds import drawn_values
+from optopad.sims.verdict.presses import untouched_flux
 
-PRESSES = 200
-LEAST_MM = 0.1
-"""Depth of the lightest traced press [mm]."""
-ACCURACY = "draft"
+STATES = 240
 OF_THE_OBJECT = "indenter."
 """Begin of the paths of tolerances that are not the pad's."""
 FACTORS = np.linspace(0.7, 1.3, 25)
@@ -53,7 +48,7 @@ WIDTHS = np.array([0.5, 0.7, 1.0, 1.4, 2.0])
 """Widths of the kernel that are tried [-], for 64 pairs; they grow with the root of the number of pairs."""
 RIDGES = (0.003, 0.01, 0.03, 0.1, 0.3)
 FAINTEST = 1e-3
-"""Least untouched light in a ratio, divided by the median over pairs [-]."""
+"""Least untouched light of a pair that is corrected, divided by the median over pairs [-]."""
 
 
 def drawn_design(design: SensorDesign, build: int) -> SensorDesign:
@@ -85,10 +80,10 @@ class UnitLight:
     base : map of light of the design
     untouched : (emitter, receiver) flux of the unit without contact [-]
     factor : factor of the depths of an imprint [-]
-    known : (m, pair) ratios by the design's map at the traced presses [-]
+    known : (m, pair) ratios by the design's map at the traced states [-]
     weights : (m, pair) weights of the kernel at them [-]
     width : width of the kernel [-]
-    error, error_of_design : root mean square error of this map and of the design's own at the unit's traced presses,
+    error, error_of_design : root mean square error of this map and of the design's own at the unit's traced states,
         each left out in turn [-]
     """
 
@@ -125,9 +120,7 @@ class UnitLight:
 
 
 def unit_light(light: PadLight, design: SensorDesign, unit: SensorDesign, *, seed: int = 0) -> UnitLight:
-    """The light of a unit, from the map of light of its design and `PRESSES` traced presses.
-
-    Traced light is kept on disk, so the same unit takes its time once: about 20 s with 8 + 8 parts on one core.
+    """The light of a unit, from the map of light of its design and `STATES` traced states.
 
     Raises
     ------
@@ -135,17 +128,10 @@ def unit_light(light: PadLight, design: SensorDesign, unit: SensorDesign, *, see
     """
     if unit_parts(unit) != unit_parts(design):
         raise InputError("build: the unit has other parts than the design; give a design calibrated from it")
-    press_mm = _presses_mm(light, design, seed)
-    own, cavity = cavity_of(unit), cavity_of(design)
-    moved_mm = [(own.length_mm - cavity.length_mm) / 2, (own.width_mm - cavity.width_mm) / 2, 0.0]
     try:
-        flux = trace(Draft.of(unit), press_mm + moved_mm, accuracy=ACCURACY, seed=seed).flux
+        return _fitted(light, *_traced(light, design, unit, seed))
     except OptopadError as err:
         raise InputError(f"build: the models do not cover this unit: {err}; draw another one") from err
-    untouched = flux[0]
-    floor = np.maximum(untouched, FAINTEST * np.median(untouched))
-    imprint = _tip_imprint(light, design, press_mm[1:])
-    return _fitted(light, untouched, imprint, (flux[1:] / floor).reshape(len(imprint), -1))
 
 
 def unit_parts(design: SensorDesign) -> tuple[int, int]:
@@ -154,36 +140,35 @@ def unit_parts(design: SensorDesign) -> tuple[int, int]:
     return len(cavity.emitters), len(cavity.receivers)
 
 
-def _presses_mm(light: PadLight, design: SensorDesign, seed: int) -> FloatArray:
-    """The untouched pad, then presses (1 + m, 3) at random over the workspace and the depth [mm]."""
-    space, rng = cavity_of(design).workspace, np.random.default_rng(seed)
-    deepest_mm = min(design.operating.max_depth_mm, light.deepest_mm)
-    places = np.empty((0, 2))
-    while len(places) < PRESSES:
-        tried = rng.uniform((space.x0_mm, space.y0_mm), (space.x1_mm, space.y1_mm), (PRESSES, 2))
-        places = np.concatenate([places, tried[space.contains(*tried.T)]])
-    press_mm = np.column_stack([places[:PRESSES], rng.uniform(LEAST_MM, deepest_mm, PRESSES)])
-    return np.concatenate([[[*places[0], 0.0]], press_mm])
-
-
-def _tip_imprint(light: PadLight, design: SensorDesign, press_mm: FloatArray) -> Imprint:
-    """Imprint of the tip at presses (m, 3) [mm]."""
-    radius_mm, surface = design.indenter.tip_radius_mm, surface_of(design)
-    found = [surface.point_and_normal(x, y) for x, y in press_mm[:, :2].tolist()]
-    points, normals = (np.array(each) for each in zip(*found, strict=True))
-    centre_mm = points + normals * (radius_mm - press_mm[:, 2:])
-    turn = np.broadcast_to(np.eye(3), (len(press_mm), 3, 3))
-    return light.imprint(Shape(kind="sphere", size_mm=np.array([radius_mm, 0.0, 0.0])), centre_mm, turn)
+def _traced(
+    light: PadLight, design: SensorDesign, unit: SensorDesign, seed: int
+) -> tuple[FloatArray, Imprint, FloatArray]:
+    """Untouched flux (emitter, receiver) of a unit, imprints of states in it, and their ratios (m, pair) of light."""
+    assert isinstance(light, FastLight)
+    draft, own, cavity = Draft.of(unit), cavity_of(unit), cavity_of(design)
+    moved_mm = np.array([own.length_mm - cavity.length_mm, own.width_mm - cavity.width_mm, 0.0]) / 2.0
+    raised_mm = [0.0, 0.0, own.clear_mm - cavity.clear_mm]
+    nodes = replace(light.nodes, points_mm=light.nodes.points_mm + moved_mm + raised_mm)
+    source = StateSource(draft, replace(light, top=draft.plan.top, nodes=nodes), seed)
+    _, imprint, ratios = traced_ratios(draft, source, range(STATES), seed=seed)
+    imprint = replace(imprint, balls_mm=imprint.balls_mm - moved_mm)
+    return untouched_flux(draft, seed=0), imprint, ratios
 
 
 def _fitted(light: PadLight, untouched: FloatArray, imprint: Imprint, ratios: FloatArray) -> UnitLight:
+    bright = untouched.ravel() >= FAINTEST * np.median(untouched)
+
     def known(factor: float) -> FloatArray:
         return light.ratios(imprint.scaled(factor)).reshape(len(imprint), -1)
 
-    factor = min(FACTORS, key=lambda one: _rms(known(one) - ratios))
+    def error(found: FloatArray) -> float:
+        return _rms((found - ratios)[:, bright])
+
+    factor = min(FACTORS, key=lambda one: error(known(one)))
     base, most = known(factor), np.sqrt(ratios.shape[1]) / 8.0
-    fits = [_left_out(base, ratios - base, width * most, ridge) for width in WIDTHS for ridge in RIDGES]
-    error, width, weights = min(fits, key=lambda one: one[0])
+    rest = np.where(bright, ratios - base, 0.0)
+    fits = [_left_out(base, rest, width * most, ridge) for width in WIDTHS for ridge in RIDGES]
+    left, width, weights = min(fits, key=lambda one: one[0])
     return UnitLight(
         base=light,
         untouched=untouched,
@@ -191,8 +176,8 @@ def _fitted(light: PadLight, untouched: FloatArray, imprint: Imprint, ratios: Fl
         known=base,
         weights=weights,
         width=width,
-        error=error,
-        error_of_design=_rms(known(1.0) - ratios),
+        error=left / float(np.sqrt(bright.mean())),
+        error_of_design=error(known(1.0)),
     )
 
 

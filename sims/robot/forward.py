@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
+from threadpoolctl import threadpool_limits
 
 from optopad.design.arrays import FloatArray
 from optopad.design.draft import Draft
@@ -13,14 +14,15 @@ from optopad.design.errors import InputError
 from optopad.design.held_object import held_of
 from optopad.design.shape.cavity import judged_pairs, mask_of
 from optopad.design.spec import SensorDesign
+from optopad.sims.optics.engine.threads import run_each
 from optopad.sims.readings.readout import readout_of
 from optopad.sims.readings.signal_chain import SignalChain, chain_of
 from optopad.sims.robot.fast_light import FastLight, Imprint, fast_light
 from optopad.sims.robot.poses import posed
 from optopad.sims.robot.shapes import Shape
 
-MOST_AT_ONCE = 1024
-"""States whose features are in memory together."""
+AT_ONCE = 64
+"""States that are computed together, so that a core's cache holds their arrays."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -75,13 +77,15 @@ class Forward:
         centre, turns = _rows("centre_mm", centre_mm, 3), np.asarray(turn, dtype=np.float64)
         if turns.shape != (len(centre), 3, 3):
             raise InputError(f"turn: has the shape {turns.shape}, needs ({len(centre)}, 3, 3)")
-        parts = [
-            self.of_imprint(
-                self.light.imprint(shape, centre[k : k + MOST_AT_ONCE], turns[k : k + MOST_AT_ONCE])
-            )
-            for k in range(0, len(centre), MOST_AT_ONCE)
-        ]
-        return self._read(np.concatenate(parts), seed)
+        flux: FloatArray = np.empty((len(centre), *self.light.untouched.shape))
+
+        def put(number: int) -> None:
+            own = slice(number * AT_ONCE, (number + 1) * AT_ONCE)
+            flux[own] = self.of_imprint(self.light.imprint(shape, centre[own], turns[own]))
+
+        with threadpool_limits(1):
+            run_each(put, -(-len(centre) // AT_ONCE))
+        return self._read(flux, seed)
 
     def of_imprint(self, imprint: Imprint) -> FloatArray:
         """Flux (n, emitter, receiver) of any objects, as a share of the emitted power [-]."""

@@ -43,7 +43,7 @@ class Shape:
             raise InputError(f"shape: {self.kind!r} is refused; give one of {', '.join(KINDS)}")
 
     def entry_mm(self, start_mm: FloatArray, way: FloatArray) -> FloatArray:
-        """Distance (...,) along lines from points (..., 3) in unit directions (..., 3), until they enter; inf if never.
+        """Distance (...,) along lines from points (3, ...) in unit directions (3, ...), until they enter; inf if never.
 
         It is negative if the shape begins behind the point. Points and directions are in the shape's own axes.
         """
@@ -76,8 +76,9 @@ def overlap_mm(
     centre_mm, turn : (n, 3) centres and (n, 3, 3) rotations of the shape; columns of a rotation are its axes
     points_mm, normals : (k, 3) nodes and (k, 3) outward unit normals; one normal (1, 3) on a flat top
     """
-    start = (points_mm - centre_mm[:, None]) @ turn
-    return np.asarray(-shape.entry_mm(start, normals @ turn))
+    axes = np.moveaxis(turn, 2, 0)
+    start = axes @ points_mm.T - np.einsum("ani,ni->an", axes, centre_mm)[..., None]
+    return np.asarray(-shape.entry_mm(start, axes @ normals.T))
 
 
 Span = tuple[FloatArray, FloatArray]
@@ -85,26 +86,44 @@ Span = tuple[FloatArray, FloatArray]
 
 
 def _dot(one: FloatArray, other: FloatArray) -> FloatArray:
-    return np.asarray(np.einsum("...i,...i->...", one, other))
+    """Products of vectors (m, ...) along the first axis."""
+    found: FloatArray = one[0] * other[0]
+    for k in range(1, len(one)):
+        found += one[k] * other[k]
+    return found
 
 
 def _round(start: FloatArray, way: FloatArray, square: float) -> Span:
     """Span of |start + t way|² <= square, in two or three dimensions."""
-    a, b = _dot(way, way), _dot(start, way)
-    a = np.maximum(a, PARALLEL**2)
-    root = np.sqrt(b * b - a * (_dot(start, start) - square))
-    return (-b - root) / a, (-b + root) / a
+    a = np.maximum(_dot(way, way), PARALLEL**2)
+    middle = _dot(start, way)
+    middle /= -a
+    root = _dot(start, start)
+    root -= square
+    root /= -a
+    root += middle * middle
+    np.sqrt(root, out=root)
+    return middle - root, middle + root
 
 
 def _slabs(start: FloatArray, way: FloatArray, half: FloatArray) -> Span:
     """Span within |component| <= half (m,) for each of m components."""
-    inverse = 1.0 / np.where(np.abs(way) < PARALLEL, PARALLEL, way)
-    middle, reach = -start * inverse, half * np.abs(inverse)
-    return (middle - reach).max(axis=-1), (middle + reach).min(axis=-1)
+    first, last = None, None
+    for one, along, reach in zip(start, way, half, strict=True):
+        inverse = 1.0 / np.where(np.abs(along) < PARALLEL, PARALLEL, along)
+        middle, side = -one * inverse, reach * np.abs(inverse)
+        low, high = middle - side, middle + side
+        first = low if first is None else np.maximum(first, low, out=first)
+        last = high if last is None else np.minimum(last, high, out=last)
+    assert first is not None
+    assert last is not None
+    return first, last
 
 
 def _ellipsoid(shape: Shape, start: FloatArray, way: FloatArray) -> Span:
-    half = shape.size_mm if shape.kind == "ellipsoid" else shape.size_mm[:1]
+    if shape.kind == "sphere":
+        return _round(start, way, float(shape.size_mm[0]) ** 2)
+    half = shape.size_mm.reshape(3, *[1] * (start.ndim - 1))
     return _round(start / half, way / half, 1.0)
 
 
@@ -113,33 +132,35 @@ def _box(shape: Shape, start: FloatArray, way: FloatArray) -> Span:
 
 
 def _cylinder(shape: Shape, start: FloatArray, way: FloatArray) -> Span:
-    side = _round(start[..., :2], way[..., :2], float(shape.size_mm[0]) ** 2)
-    ends = _slabs(start[..., 2:], way[..., 2:], shape.size_mm[1:2])
+    side = _round(start[:2], way[:2], float(shape.size_mm[0]) ** 2)
+    ends = _slabs(start[2:], way[2:], shape.size_mm[1:2])
     return np.maximum(side[0], ends[0]), np.minimum(side[1], ends[1])
 
 
 def _capsule(shape: Shape, start: FloatArray, way: FloatArray) -> Span:
     """The line enters where it enters the infinite cylinder or, if that is beyond an end, the ball there."""
     radius, half = shape.size_mm[:2]
-    side = _round(start[..., :2], way[..., :2], float(radius) ** 2)
-    spans = []
-    for distance in side:
-        centre = np.zeros(np.broadcast_shapes(start.shape, way.shape))
-        height = start[..., 2] + distance * way[..., 2]
-        centre[..., 2] = np.clip(height, -half, half)
-        spans.append((np.abs(height) <= half, _round(start - centre, way, float(radius) ** 2)))
-    (at_first, first), (at_last, last) = spans
-    return np.where(at_first, side[0], first[0]), np.where(at_last, side[1], last[1])
+    square = float(radius) ** 2
+    first, last = _round(start[:2], way[:2], square)
+    ends = []
+    for distance, k in ((first, 0), (last, 1)):
+        height = start[2] + distance * way[2]
+        ball = np.stack([*np.broadcast_arrays(start[0], start[1], start[2] - np.clip(height, -half, half))])
+        ends.append(np.where(np.abs(height) <= half, distance, _round(ball, way, square)[k]))
+    return ends[0], ends[1]
 
 
 def _hull(shape: Shape, start: FloatArray, way: FloatArray) -> Span:
     assert shape.planes is not None
-    normals, distances = shape.planes[:, :3].T, shape.planes[:, 3]
-    slope = way @ normals
-    slope = np.where(np.abs(slope) < PARALLEL, PARALLEL, slope)
-    cut = (distances - start @ normals) / slope
-    enters = slope < 0.0
-    return np.where(enters, cut, -np.inf).max(axis=-1), np.where(enters, np.inf, cut).min(axis=-1)
+    first: FloatArray = np.full(start.shape[1:], -np.inf)
+    last: FloatArray = np.full(start.shape[1:], np.inf)
+    for x, y, z, distance in shape.planes.tolist():
+        slope = x * way[0] + y * way[1] + z * way[2]
+        slope = np.where(np.abs(slope) < PARALLEL, PARALLEL, slope)
+        cut = (distance - x * start[0] - y * start[1] - z * start[2]) / slope
+        np.maximum(first, np.where(slope < 0.0, cut, -np.inf), out=first)
+        np.minimum(last, np.where(slope < 0.0, np.inf, cut), out=last)
+    return first, last
 
 
 _SPANS = {

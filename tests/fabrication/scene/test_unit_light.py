@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -29,8 +28,6 @@ from tests.fabrication.scene.made_up_scene import (
     scene,
 )
 
-LEVEL = np.eye(3)[None]
-
 
 class OtherUnit(StandInLight):
     """Light of a unit that sees dimples as 1.2 times as deep, and loses other shares of it."""
@@ -44,24 +41,27 @@ class OtherUnit(StandInLight):
 def unit() -> UnitLight:
     light, truth = StandInLight(), OtherUnit()
 
-    def traced(_draft: Any, press_mm: np.ndarray, **_: Any) -> SimpleNamespace:
-        imprint = module._tip_imprint(light, DESIGN, press_mm[1:])
-        flux = 1.1 * truth.untouched * np.concatenate([np.ones((1, 8, 8)), truth.ratios(imprint)])
-        return SimpleNamespace(flux=flux)
+    def traced(*_: Any) -> tuple[np.ndarray, Imprint, np.ndarray]:
+        imprint = balls(100, seed=1)
+        return 1.1 * truth.untouched, imprint, truth.ratios(imprint).reshape(100, -1)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, "trace", traced)
-        patch.setattr(module, "PRESSES", 100)
+        patch.setattr(module, "_traced", traced)
         return unit_light(light, DESIGN, DESIGN)
 
 
+def balls(count: int, seed: int) -> Imprint:
+    """Imprints of balls at random places and depths."""
+    rng, light = np.random.default_rng(seed), StandInLight()
+    tip = Shape(kind="sphere", size_mm=np.array([5.0, 0.0, 0.0]))
+    height_mm = light.points_mm[0, 2] + 5.0 - rng.uniform(0.1, 2.5, count)
+    centre_mm = np.column_stack([rng.uniform(3, 13, (count, 2)), height_mm])
+    return light.imprint(tip, centre_mm, np.broadcast_to(np.eye(3), (count, 3, 3)))
+
+
 def test_a_fitted_unit_is_nearer_to_the_truth_than_its_design(unit: UnitLight) -> None:
-    rng, truth = np.random.default_rng(9), OtherUnit()
-    tip = Shape(kind="sphere", size_mm=np.array([DESIGN.indenter.tip_radius_mm, 0.0, 0.0]))
-    top_mm = truth.points_mm[0, 2] + DESIGN.indenter.tip_radius_mm
-    centre_mm = np.column_stack([rng.uniform(5, 11, (50, 2)), top_mm - rng.uniform(0.2, 2.5, 50)])
-    imprint = truth.imprint(tip, centre_mm, np.broadcast_to(LEVEL, (50, 3, 3)))
-    exact = truth.ratios(imprint)
+    imprint = balls(50, seed=9)
+    exact = OtherUnit().ratios(imprint)
     error = module._rms(unit.ratios(imprint) - exact)
     assert unit.factor == pytest.approx(1.2, abs=0.1)
     assert error < 0.3 * module._rms(unit.base.ratios(imprint) - exact)

@@ -42,7 +42,7 @@ def test_a_line_enters_where_the_points_of_the_line_begin_to_be_inside(kind):
     way = rng.standard_normal((200, 3))
     way[:6] = [[0, 0, 1], [0, 0, -1], [1, 0, 0], [0, 1, 0], [0, -1, 0], [0.6, 0.0, 0.8]]
     way /= np.linalg.norm(way, axis=1, keepdims=True)
-    found = shape.entry_mm(start, way)
+    found = shape.entry_mm(start.T, way.T)
     along = np.linspace(-12.0, 12.0, 4801)
     inside = np.array(
         [_is_inside(kind, size, one + along[:, None] * w) for one, w in zip(start, way, strict=True)]
@@ -63,7 +63,7 @@ def test_the_hull_of_a_boxs_corners_is_the_box():
     way /= np.linalg.norm(way, axis=1, keepdims=True)
     box, hull = Shape(kind="box", size_mm=half), hull_of(corners)
     assert len(hull.planes) == 6
-    np.testing.assert_allclose(hull.entry_mm(start, way), box.entry_mm(start, way), atol=1e-9)
+    np.testing.assert_allclose(hull.entry_mm(start.T, way.T), box.entry_mm(start.T, way.T), atol=1e-9)
 
 
 def test_what_encloses_nothing_is_refused():
