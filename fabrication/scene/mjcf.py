@@ -18,7 +18,8 @@ depths of the contact's fit, so that nothing is pushed through the pad.
 
 MuJoCo's tactile sensor takes its points in the axes of inertia of their mesh, and reads three vectors for each point
 from the mesh's normals: normal and two tangents. So the points are a mesh on a geom of their own, whose frame MuJoCo
-moves with these axes.
+moves with these axes. The sensor reads 0 under an object that is a mesh, unless MuJoCo made an octree of the mesh. (The
+frames of `simulated_pad` see such objects.)
 
 The mass is that of the mold printed solid and of the silicone, by the densities of the catalogue. Left out: optical
 parts, leads and the board, of which the catalogue has no masses; a printed part that is not filled is lighter.
