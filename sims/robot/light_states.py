@@ -107,7 +107,7 @@ class StateSource:
                 imprint = self.imprint([objects])
                 touched = imprint.overlap_mm[0] > 0.0
                 if (self._wall_mm[touched] > self._nearest_mm).all():
-                    top, force_n = self._solved(objects)
+                    top, force_n = self.solved(objects)
                     if force_n > 0.0:
                         return Pressed(kind=chosen, objects=objects, top=top, force_n=force_n)
             except ModelScopeError:
@@ -180,7 +180,7 @@ class StateSource:
         first = (held, *self._place(rng), depth())
         return (first, (held, *self._place(rng), depth())) if kind == "two balls" else (first,)
 
-    def _solved(self, objects: tuple[tuple[HeldObject, float, float, float], ...]) -> tuple[GridTop, float]:
+    def solved(self, objects: tuple[tuple[HeldObject, float, float, float], ...]) -> tuple[GridTop, float]:
         """The deformed top, and the force. A flat pad is solved in one frame for all places, which saves time."""
         top = self._plan.top
         at = self._plan.centre_mm if top.is_flat else objects[0][1:3]

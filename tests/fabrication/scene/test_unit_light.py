@@ -43,7 +43,8 @@ def unit() -> UnitLight:
 
     def traced(*_: Any) -> tuple[np.ndarray, Imprint, np.ndarray]:
         imprint = balls(100, seed=1)
-        return 1.1 * truth.untouched, imprint, truth.ratios(imprint).reshape(100, -1)
+        change = truth.ratios(imprint) - light.ratios(imprint)
+        return 1.1 * truth.untouched, imprint, change.reshape(100, -1)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "_traced", traced)
@@ -66,7 +67,7 @@ def test_a_fitted_unit_is_nearer_to_the_truth_than_its_design(unit: UnitLight) -
     assert unit.factor == pytest.approx(1.2, abs=0.1)
     assert error < 0.3 * module._rms(unit.base.ratios(imprint) - exact)
     assert error < 1.5 * unit.error
-    assert unit.error < 0.3 * unit.error_of_design
+    assert unit.error < 0.3 * unit.difference
 
 
 def test_an_untouched_unit_has_exactly_its_untouched_light(unit: UnitLight) -> None:
