@@ -5,18 +5,22 @@ r"""The light of a pad under any objects, in a tenth of a millisecond: a map tha
 b_i is the light under the design's tip where ball i touches, and as deep, from a spline through traced presses
 (`optopad.sims.learning.traced_map`). So a ball like the tip reads what `optopad simulate` computes. o is the overlap of
 all objects with the untouched top at the nodes of a grid (`shapes`), o_i that of the tip in place of ball i. Without
-balls, the product is 1 and the sum is 0. F has a number of channels for each node, and V weighs them for each pair.
+balls, the product is 1 and the sum is 0. F has `CHANNELS` numbers for each cell of a grid of 2 x 2 nodes, and V weighs
+them for each pair.
 
 Light that the top mirrors once is a sum over the points of the top: each adds what it mirrors, which depends on its
-slope and ends where an object touches. So V F is a sum over the nodes. The channels of a node come from the overlap
-itself, since the deformed top would take much longer to solve:
+slope and ends where an object touches. So V F is a sum over the cells. To solve the deformed top itself would take much
+longer. Its place is taken by the fields
 
-    1 / (1 + exp(-o / 0.05 mm)),   √max(o, 0),
-    and of the gradient g of the mean of √max(o, 0) over each of two Gaussian neighbourhoods
+    t = (mean of max(o, 0)⁴ over a Gaussian neighbourhood)^(1/4)
+
+of two widths: t is about the depth in the contact, however narrow that is, and falls off around it as the dimple does.
+With the gradient g of t, F has, the first two as means over a cell's nodes, the others at its middle,
+
+    1 / (1 + exp(-o / 0.05 mm)),   √max(o, 0),   t of the narrower neighbourhood,   and of each neighbourhood
     |g|², gx² - gy², gx gy, each over c² + |g|²,   and gx, gy, each over √(c² + |g|²)
 
-Gradients take the place of the top's slopes; the constants c say from which slope on a point mirrors no more to where
-it did. F of the untouched pad is 0.
+where c says from which slope on a point mirrors no more to where it did. F of the untouched pad is 0.
 
 Left out: the deformed top itself, so the walls' part in the contact, but for what V learns of it; friction and sideways
 motion; objects of another reflectance than the tip's; light that meets the dimple more than once, but for what V learns
@@ -51,9 +55,15 @@ Single = NDArray[np.float32]
 
 SHARP_MM = 0.05
 """Width of the step from free to touched [mm]."""
-SCALES, BENDS = (0.5, 1.0), (0.3, 0.2)
-"""Standard deviations of the neighbourhoods, over the distance of the nodes [-], and their constants c [1/√mm]."""
-CHANNELS = 2 + 5 * len(SCALES)
+WIDTHS, BENDS = (0.13, 0.33), (0.1, 0.05)
+"""Standard deviations of the neighbourhoods, over the layer's thickness, and their constants c [-]."""
+FAINT_MM = np.float32(1e-3)
+"""t without an object, which is taken off [mm]."""
+SCALARS = 5
+"""Channels without a direction come first: step, root, t, and |g|² of both neighbourhoods."""
+CHANNELS = SCALARS + 4 * len(WIDTHS)
+PER_CELL = 2
+"""Nodes along each side of a cell."""
 AWAY_MM = -9.0
 """Overlap where no object is over a node [mm]."""
 TOP_ROUNDS = 4
@@ -73,7 +83,7 @@ class Imprint:
     deepest_mm : (n,) largest depth of the objects [mm]
     """
 
-    overlap_mm: FloatArray
+    overlap_mm: Single
     balls_mm: FloatArray
     deepest_mm: FloatArray
 
@@ -84,7 +94,7 @@ class Imprint:
         """The same at some rows of `count` states; there is no object in the others."""
         if len(rows) == count:
             return self
-        overlap = np.full((count, self.overlap_mm.shape[1]), AWAY_MM)
+        overlap = np.full((count, self.overlap_mm.shape[1]), AWAY_MM, np.float32)
         balls = np.full((count, *self.balls_mm.shape[1:]), np.nan)
         deepest = np.full(count, AWAY_MM)
         overlap[rows], balls[rows], deepest[rows] = self.overlap_mm, self.balls_mm, self.deepest_mm
@@ -94,7 +104,7 @@ class Imprint:
         """The same with all overlaps and depths times a factor."""
         scale = np.array([1.0, 1.0, factor])
         return Imprint(
-            overlap_mm=self.overlap_mm * factor,
+            overlap_mm=self.overlap_mm * np.float32(factor),
             balls_mm=self.balls_mm * scale,
             deepest_mm=self.deepest_mm * factor,
         )
@@ -107,7 +117,7 @@ class Imprint:
         balls = self.balls_mm.copy()
         balls[..., 2] -= lift[:, None]
         return Imprint(
-            overlap_mm=self.overlap_mm - lift[:, None],
+            overlap_mm=self.overlap_mm - lift[:, None].astype(np.float32),
             balls_mm=balls,
             deepest_mm=np.minimum(self.deepest_mm, most_mm),
         )
@@ -130,10 +140,11 @@ class Nodes:
 
     Attributes
     ----------
-    x_mm, y_mm : (nx,), (ny,) lines of the grid; it covers the pad
+    x_mm, y_mm : (nx,), (ny,) lines of the grid, an even number; it covers the pad
     points_mm : (nx ny, 3) nodes in cavity coordinates
     normals : (nx ny, 3) outward normals there, or one (1, 3) on a flat top
     inside : (nx ny,) whether a node is in the pad; others never touch
+    thickness_mm : thickness of the elastic layer at its highest point
     """
 
     x_mm: FloatArray
@@ -141,6 +152,18 @@ class Nodes:
     points_mm: FloatArray
     normals: FloatArray
     inside: NDArray[np.bool_]
+    thickness_mm: float
+
+    @property
+    def cells(self) -> int:
+        """Number of cells."""
+        return len(self.inside) // PER_CELL**2
+
+    @property
+    def cell_lines_mm(self) -> tuple[FloatArray, FloatArray]:
+        """Lines x and y of the cells' middles."""
+        x, y = (line.reshape(-1, PER_CELL).mean(axis=1) for line in (self.x_mm, self.y_mm))
+        return x, y
 
     @property
     def pitch_mm(self) -> float:
@@ -159,7 +182,7 @@ class FastLight:
     nodes : where overlaps are taken
     tip_radius_mm : radius of the tip of `tip`
     tip : √(light / untouched light) under the tip, over x, y and √depth
-    weights : (channel x node, pair) V of the module [-]
+    weights : (channel x cell, pair) V of the module [-]
     untouched : (emitter, receiver) flux of the untouched pad, as a share of the emitted power [-]
     deepest_mm : largest depth that the fit covers
     states : number of states of the fit
@@ -187,7 +210,8 @@ class FastLight:
         found = self._overlap_mm(shape, centre_mm, turn)
         if shape.kind != "sphere":
             balls = np.empty((len(found), 0, 3))
-            return Imprint(overlap_mm=found, balls_mm=balls, deepest_mm=found.max(axis=1))
+            deepest = found.max(axis=1).astype(np.float64)
+            return Imprint(overlap_mm=found, balls_mm=balls, deepest_mm=deepest)
         ball = self._contact_mm(centre_mm, float(shape.size_mm[0]))
         return Imprint(overlap_mm=found, balls_mm=ball[:, None], deepest_mm=ball[:, 2])
 
@@ -201,7 +225,7 @@ class FastLight:
         return np.maximum(ratio, 0.0).reshape(-1, *self.untouched.shape)
 
     def parts(self, imprint: Imprint) -> tuple[FloatArray, Single]:
-        """The product (n, pair) over balls, and F(o) - Σ F(o_i) (n, channel x node); see the module."""
+        """The product (n, pair) over balls, and F(o) - Σ F(o_i) (n, channel x cell); see the module."""
         ratio: FloatArray = np.ones((len(imprint), self.untouched.size))
         overlap = imprint.overlap_mm
         of_tips = []
@@ -222,40 +246,68 @@ class FastLight:
             found[rows] -= self.features(own)
         return ratio, found
 
-    def features(self, overlap_mm: FloatArray) -> Single:
-        """F (n, channel x node) of overlaps (n, node)."""
-        (mean_x, mean_y), (slope_x, slope_y) = self._neighbourhoods
+    def features(self, overlap_mm: Single) -> Single:
+        """F (n, channel x cell) of overlaps (n, node)."""
+        (mean_x, slope_x), (mean_y, slope_y) = self._neighbourhoods
         shape = (len(overlap_mm), len(self.nodes.x_mm), len(self.nodes.y_mm))
-        overlap = overlap_mm.astype(np.float32).reshape(shape)
-        found = np.empty((shape[0], CHANNELS, *shape[1:]), np.float32)
-        np.divide(
-            np.float32(1.0),
-            np.float32(1.0) + np.exp(np.clip(overlap / -np.float32(SHARP_MM), -30.0, 30.0)),
-            out=found[:, 0],
-        )
-        root = np.sqrt(np.maximum(overlap, np.float32(0.0)), out=found[:, 1])[:, None]
-        gx, gy = slope_x @ (root @ mean_y), mean_x @ (root @ slope_y)
+        overlap = overlap_mm.reshape(shape)
+        found = np.empty((shape[0], CHANNELS, shape[1] // PER_CELL, shape[2] // PER_CELL), np.float32)
+        steep = np.exp(np.minimum(overlap / -np.float32(SHARP_MM), np.float32(30.0)))
+        found[:, 0] = _in_cells(np.float32(1.0) / (np.float32(1.0) + steep))
+        deep = np.maximum(overlap, np.float32(0.0))
+        found[:, 1] = _in_cells(np.sqrt(deep))
+        deep *= deep
+        deep *= deep
+        along = deep[:, None] @ mean_y
+        mean = mean_x @ along + FAINT_MM**4
+        t = np.sqrt(np.sqrt(mean))
+        np.subtract(t[:, 0], FAINT_MM, out=found[:, 2])
+        t /= np.float32(4.0) * mean
+        gx, gy = slope_x @ along, mean_x @ (deep[:, None] @ slope_y)
+        gx *= t
+        gy *= t
         xx, yy = gx * gx, gy * gy
         share = np.float32(1.0) / (xx + yy + _BENDS)
-        many = found[:, 2:].reshape(shape[0], 5, len(SCALES), *shape[1:])
-        np.multiply(xx + yy, share, out=many[:, 0])
-        np.multiply(xx - yy, share, out=many[:, 1])
-        np.multiply(gx * gy, share, out=many[:, 2])
+        np.multiply(xx + yy, share, out=found[:, SCALARS - len(WIDTHS) : SCALARS])
+        many = found[:, SCALARS:].reshape(shape[0], 4, len(WIDTHS), *found.shape[2:])
+        np.multiply(xx - yy, share, out=many[:, 0])
+        np.multiply(gx * gy, share, out=many[:, 1])
         np.sqrt(share, out=share)
-        np.multiply(gx, share, out=many[:, 3])
-        np.multiply(gy, share, out=many[:, 4])
+        np.multiply(gx, share, out=many[:, 2])
+        np.multiply(gy, share, out=many[:, 3])
         return found.reshape(shape[0], -1)
 
     @cached_property
     def _neighbourhoods(self) -> tuple[tuple[Single, Single], tuple[Single, Single]]:
-        """Matrices (scale, n, n) of means along x and, transposed, along y; and the same followed by a slope."""
-        return neighbourhoods(self.nodes)
+        """Matrices (width, cell, node) of means along x and of their slopes there; the same, transposed, along y."""
+        nodes = self.nodes
+        found = []
+        for line, cells, is_y in zip(
+            (nodes.x_mm, nodes.y_mm), nodes.cell_lines_mm, (False, True), strict=True
+        ):
+            widths = nodes.thickness_mm * np.array(WIDTHS)[:, None, None]
+            away = (cells[:, None] - line) / widths
+            weight = np.exp(-0.5 * away**2)
+            weight /= weight.sum(axis=2).max(axis=1)[:, None, None]
+            pair = [one.swapaxes(1, 2) if is_y else one for one in (weight, -weight * away / widths)]
+            found.append([np.ascontiguousarray(one, dtype=np.float32) for one in pair])
+        return (found[0][0], found[0][1]), (found[1][0], found[1][1])
 
-    def _overlap_mm(self, shape: Shape, centre_mm: FloatArray, turn: FloatArray) -> FloatArray:
-        found = overlap_mm(shape, centre_mm, turn, self.nodes.points_mm, self.nodes.normals)
-        return np.where(self.nodes.inside, np.maximum(found, AWAY_MM), AWAY_MM)
+    @cached_property
+    def _grid(self) -> tuple[Single, Single, NDArray[np.bool_]]:
+        """Nodes, normals, and which nodes are outside the pad, for overlaps in single precision."""
+        nodes = self.nodes
+        return nodes.points_mm.astype(np.float32), nodes.normals.astype(np.float32), ~nodes.inside
 
-    def _tip_overlap_mm(self, press_mm: FloatArray) -> FloatArray:
+    def _overlap_mm(self, shape: Shape, centre_mm: FloatArray, turn: FloatArray) -> Single:
+        points, normals, outside = self._grid
+        given = overlap_mm(shape, centre_mm.astype(np.float32), turn.astype(np.float32), points, normals)
+        found: Single = np.maximum(given, np.float32(AWAY_MM)).astype(np.float32, copy=False)
+        if outside.any():
+            found[:, outside] = AWAY_MM
+        return found
+
+    def _tip_overlap_mm(self, press_mm: FloatArray) -> Single:
         """Overlap (n, node) of the tip at presses (n, 3)."""
         x, y, depth = press_mm.T
         normal = self.top.normal(x, y)
@@ -287,10 +339,12 @@ class FastLight:
         arrays: dict[str, Any] = {}
         for name, part in (("nodes", self.nodes), ("tip", self.tip)):
             arrays |= {f"{name}.{field.name}": getattr(part, field.name) for field in fields(part)}
+        thickness_mm = arrays.pop("nodes.thickness_mm")
         header = {
             "version": VERSION,
             "digest": self.digest,
             "top": asdict(self.top),
+            "thickness_mm": thickness_mm,
             "tip_radius_mm": self.tip_radius_mm,
             "deepest_mm": self.deepest_mm,
             "states": self.states,
@@ -305,23 +359,10 @@ class FastLight:
 _BENDS = np.square(np.array(BENDS, np.float32))[:, None, None]
 
 
-def neighbourhoods(nodes: Nodes) -> tuple[tuple[Single, Single], tuple[Single, Single]]:
-    """Matrices (scale, n, n) of means along x and, transposed, along y; and the same followed by a slope."""
-    blurs, slopes = [], []
-    for line, is_y in ((nodes.x_mm, False), (nodes.y_mm, True)):
-        away = line[:, None] - line
-        slope = np.gradient(np.eye(len(line)), line, axis=0)
-        mean = []
-        for scale in SCALES:
-            weight = np.exp(-0.5 * (away / (scale * nodes.pitch_mm)) ** 2)
-            mean.append(weight / weight.sum(axis=1).max())
-        pair = [np.stack(mean), np.stack([slope @ one for one in mean])]
-        blur, steep = (
-            np.ascontiguousarray(one.swapaxes(1, 2) if is_y else one, dtype=np.float32) for one in pair
-        )
-        blurs.append(blur)
-        slopes.append(steep)
-    return (blurs[0], blurs[1]), (slopes[0], slopes[1])
+def _in_cells(field: Single) -> Single:
+    """Means (n, nx, ny) of fields at nodes over the nodes of each cell."""
+    half = field[:, ::PER_CELL] + field[:, 1::PER_CELL]
+    return np.asarray((half[..., ::PER_CELL] + half[..., 1::PER_CELL]) * np.float32(1.0 / PER_CELL**2))
 
 
 def light_file(design: SensorDesign) -> Path:
@@ -367,7 +408,7 @@ def load_fast_light(file: str | os.PathLike[str]) -> FastLight:
         return FastLight(
             digest=str(header["digest"]),
             top=_top_of(**header["top"]),
-            nodes=Nodes(**parts["nodes"]),
+            nodes=Nodes(**parts["nodes"], thickness_mm=float(header["thickness_mm"])),
             tip_radius_mm=float(header["tip_radius_mm"]),
             tip=TensorSpline(**parts["tip"]),
             weights=arrays["weights"],
@@ -385,15 +426,13 @@ def _top_of(clear_mm: float, apex_mm: Sequence[float], kx: float, ky: float) -> 
     return Top(clear_mm=clear_mm, apex_mm=(x, y), kx=kx, ky=ky)
 
 
-def draft_nodes(draft: Draft, pitch_mm: float) -> Nodes:
-    """Nodes on a draft's top, at about a distance."""
-    plan = draft.plan
+def draft_nodes(draft: Draft, cell_mm: float) -> Nodes:
+    """Nodes on a draft's top, in cells of about a size."""
+    plan, cavity = draft.plan, draft.design.cavity
     border = np.concatenate([edge.points(np.linspace(0.0, 1.0, 65)) for edge in plan.outline.loop])
     low, high = border.min(axis=0), border.max(axis=0)
-    step = pitch_mm * float(
-        np.mean((high - low) / pitch_mm / np.maximum(np.round((high - low) / pitch_mm), 4.0))
-    )
-    counts = np.maximum(np.ceil((high - low) / step - 1e-6), 4).astype(int)
+    step = float(np.mean((high - low) / np.maximum(np.round((high - low) / cell_mm), 2.0))) / PER_CELL
+    counts = PER_CELL * np.ceil((high - low) / (PER_CELL * step) - 1e-6).astype(int)
     x, y = ((low[k] + high[k]) / 2 + step * (np.arange(counts[k]) - (counts[k] - 1) / 2) for k in range(2))
     places = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
     height = plan.top.height_mm(*places.T)
@@ -406,4 +445,5 @@ def draft_nodes(draft: Draft, pitch_mm: float) -> Nodes:
         points_mm=np.column_stack([places, np.where(inside, height, plan.top.clear_mm)]),
         normals=np.array([[0.0, 0.0, 1.0]]) if plan.top.is_flat else normals,
         inside=inside,
+        thickness_mm=cavity.clear_thickness_mm + cavity.black_thickness_mm,
     )

@@ -1,7 +1,7 @@
 """Fits the map of light of a pad (`fast_light`) to traced states.
 
 The weights V are the ridge regression that has the least squared error of light over untouched light. Each state
-counts once for each of the pad's symmetries that keep its nodes. Channels count relative to their size, and the ridge
+counts once for each of the pad's symmetries that keep its cells. Channels count relative to their size, and the ridge
 has the least error at every twentieth state, which is then fitted with the others.
 
 The errors are those at other states, traced with two replicates and another seed. The error of balls like the tip is
@@ -31,7 +31,8 @@ from optopad.sims.optics.scene.lower import scene_of
 from optopad.sims.optics.scene.symmetry import SceneSymmetry, symmetries_of
 from optopad.sims.robot.fast_light import (
     CHANNELS,
-    SCALES,
+    SCALARS,
+    WIDTHS,
     FastLight,
     Imprint,
     Nodes,
@@ -45,8 +46,8 @@ from optopad.sims.verdict.presses import untouched_flux
 STATES, FEWEST, MOST = 20_000, 200, 1_000_000
 CHECKED = 60
 """Other states of each kind at which the error is measured, at most; fewer if fewer are fitted."""
-NODES, MOST_NODES, TIP_SHARE = 256, 640, 2.0 / 3.0
-"""Nodes of a pad; most of them, if their distance would otherwise exceed this share of the tip's radius."""
+CELLS, MOST_CELLS, TIP_SHARE = 256, 640, 2.0 / 3.0
+"""Cells of a pad; most of them, if their size would otherwise exceed this share of the tip's radius."""
 RIDGES = (3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 1e-1)
 HELD_OUT, ROWS = 20, 1024
 LEAST_SCALE = 1e-3
@@ -96,16 +97,16 @@ def _without_weights(draft: Draft, known: SignalMap) -> FastLight:
     design, plan = draft.design, draft.plan
     tip_mm = design.indenter.tip_radius_mm
     area = plan.area_mm2
-    pitch = max(min(math.sqrt(area / NODES), TIP_SHARE * tip_mm), math.sqrt(area / MOST_NODES))
+    cell_mm = max(min(math.sqrt(area / CELLS), TIP_SHARE * tip_mm), math.sqrt(area / MOST_CELLS))
     thickness = design.cavity.clear_thickness_mm + design.cavity.black_thickness_mm
-    untouched, nodes = untouched_flux(draft, seed=0), draft_nodes(draft, pitch)
+    untouched, nodes = untouched_flux(draft, seed=0), draft_nodes(draft, cell_mm)
     return FastLight(
         digest=design.digest,
         top=plan.top,
         nodes=nodes,
         tip_radius_mm=tip_mm,
         tip=_ratio_root(known),
-        weights=np.zeros((CHANNELS * len(nodes.inside), untouched.size), np.float32),
+        weights=np.zeros((CHANNELS * nodes.cells, untouched.size), np.float32),
         untouched=untouched,
         deepest_mm=min(LARGEST_HELD_SHARE * thickness, design.operating.max_depth_mm),
         states=0,
@@ -128,43 +129,44 @@ def _ratio_root(known: SignalMap) -> TensorSpline:
 
 @dataclass(frozen=True, kw_only=True)
 class _Motion:
-    """A symmetry: node j holds what `nodes[j]` held before, turned by the matrix `channels`, and pair p what
+    """A symmetry: cell j holds what `cells[j]` held before, turned by the matrix `channels`, and pair p what
     `pairs[p]` held."""
 
-    nodes: IntArray
+    cells: IntArray
     pairs: IntArray
     channels: Single
 
 
 def _motion(nodes: Nodes, one: SceneSymmetry) -> _Motion | None:
-    """A symmetry on the nodes; None if it does not map the grid onto itself, as a turn of a disc by 45 deg."""
-    away, image = cKDTree(nodes.points_mm[:, :2]).query(one.image(nodes.points_mm[:, :2]))
+    """A symmetry on the cells; None if it does not map the grid onto itself, as a turn of a disc by 45 deg."""
+    middles = np.stack(np.meshgrid(*nodes.cell_lines_mm, indexing="ij"), axis=-1).reshape(-1, 2)
+    away, image = cKDTree(middles).query(one.image(middles))
     if float(away.max()) > 0.01 * nodes.pitch_mm:
         return None
     before = np.empty(len(image), dtype=np.int64)
     before[image] = np.arange(len(image))
     emitters, receivers = np.argsort(one.emitters), np.argsort(one.receivers)
     pairs = emitters[:, None] * len(receivers) + receivers
-    return _Motion(nodes=before, pairs=pairs.ravel(), channels=_turned(one.matrix))
+    return _Motion(cells=before, pairs=pairs.ravel(), channels=_turned(one.matrix))
 
 
 def _turned(matrix: FloatArray) -> Single:
     """Matrix (channel, channel) that turns the channels of a node; see `FastLight.features`."""
-    found, scales = np.eye(CHANNELS), len(SCALES)
+    found = np.eye(CHANNELS)
     basis = np.array([[[0.5, 0.0], [0.0, -0.5]], [[0.0, 1.0], [1.0, 0.0]]])  # of gx² - gy² and gx gy
     moved = matrix @ basis @ matrix.T
     tensor = np.stack([moved[:, 0, 0] - moved[:, 1, 1], moved[:, 0, 1]])
-    for scale in range(scales):
-        at = 2 + scale + scales * np.arange(5)
-        found[np.ix_(at[1:3], at[1:3])] = tensor
-        found[np.ix_(at[3:], at[3:])] = matrix
+    for width in range(len(WIDTHS)):
+        at = SCALARS + width + len(WIDTHS) * np.arange(4)
+        found[np.ix_(at[:2], at[:2])] = tensor
+        found[np.ix_(at[2:], at[2:])] = matrix
     return found.astype(np.float32)
 
 
 def _weights(
     light: FastLight, motions: Sequence[_Motion], imprint: Imprint, ratios: FloatArray, on_share: OnShare
 ) -> Single:
-    """V (channel x node, pair) of the map's module, from light over untouched light (n, pair)."""
+    """V (channel x cell, pair) of the map's module, from light over untouched light (n, pair)."""
     base, features = light.parts(imprint)
     wanted = (ratios - base).astype(np.float32)
     left = np.arange(len(wanted)) % HELD_OUT == 0
@@ -173,9 +175,9 @@ def _weights(
     for start in range(0, len(wanted), ROWS):
         rows = np.arange(start, min(start + ROWS, len(wanted)))
         for own, (square, mixed) in zip((rows[~left[rows]], rows[left[rows]]), sums, strict=True):
-            of_nodes = features[own].reshape(len(own), CHANNELS, -1)
+            of_cells = features[own].reshape(len(own), CHANNELS, -1)
             for motion in motions:
-                moved = motion.channels @ of_nodes[:, :, motion.nodes]
+                moved = motion.channels @ of_cells[:, :, motion.cells]
                 flat = moved.reshape(len(own), -1)
                 square += flat.T @ flat
                 mixed += flat.T @ wanted[own][:, motion.pairs]

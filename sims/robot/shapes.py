@@ -10,12 +10,16 @@ Shapes and their sizes are those of MuJoCo's geoms. They have sharp edges.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from optopad.design.arrays import FloatArray
 from optopad.design.errors import InputError
+
+Reals = NDArray[np.floating[Any]]
+"""Real numbers in single or double precision; results have that of the points."""
 
 KINDS = ("sphere", "ellipsoid", "cylinder", "capsule", "box", "hull")
 PARALLEL = 1e-9
@@ -35,14 +39,14 @@ class Shape:
     """
 
     kind: str
-    size_mm: FloatArray
-    planes: FloatArray | None = None
+    size_mm: Reals
+    planes: Reals | None = None
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
             raise InputError(f"shape: {self.kind!r} is refused; give one of {', '.join(KINDS)}")
 
-    def entry_mm(self, start_mm: FloatArray, way: FloatArray) -> FloatArray:
+    def entry_mm(self, start_mm: Reals, way: Reals) -> Reals:
         """Distance (...,) along lines from points (3, ...) in unit directions (3, ...), until they enter; inf if never.
 
         It is negative if the shape begins behind the point. Points and directions are in the shape's own axes.
@@ -52,7 +56,7 @@ class Shape:
             return np.where(first <= last, first, np.inf)
 
 
-def hull_of(points_mm: FloatArray) -> Shape:
+def hull_of(points_mm: Reals) -> Shape:
     """The convex hull of points (n, 3), as a shape about their origin.
 
     Raises
@@ -66,9 +70,7 @@ def hull_of(points_mm: FloatArray) -> Shape:
     return Shape(kind="hull", size_mm=np.zeros(3), planes=planes)
 
 
-def overlap_mm(
-    shape: Shape, centre_mm: FloatArray, turn: FloatArray, points_mm: FloatArray, normals: FloatArray
-) -> FloatArray:
+def overlap_mm(shape: Shape, centre_mm: Reals, turn: Reals, points_mm: Reals, normals: Reals) -> Reals:
     """Overlap (n, k) of a shape in n poses at k nodes of the top [mm]; -inf where it is nowhere over a node.
 
     Parameters
@@ -81,19 +83,19 @@ def overlap_mm(
     return np.asarray(-shape.entry_mm(start, axes @ normals.T))
 
 
-Span = tuple[FloatArray, FloatArray]
+Span = tuple[Reals, Reals]
 """First and last distance (...,) along lines within a shape; the first is above the last, or NaN, for a miss."""
 
 
-def _dot(one: FloatArray, other: FloatArray) -> FloatArray:
+def _dot(one: Reals, other: Reals) -> Reals:
     """Products of vectors (m, ...) along the first axis."""
-    found: FloatArray = one[0] * other[0]
+    found: Reals = one[0] * other[0]
     for k in range(1, len(one)):
         found += one[k] * other[k]
     return found
 
 
-def _round(start: FloatArray, way: FloatArray, square: float) -> Span:
+def _round(start: Reals, way: Reals, square: float) -> Span:
     """Span of |start + t way|² <= square, in two or three dimensions."""
     a = np.maximum(_dot(way, way), PARALLEL**2)
     middle = _dot(start, way)
@@ -106,10 +108,10 @@ def _round(start: FloatArray, way: FloatArray, square: float) -> Span:
     return middle - root, middle + root
 
 
-def _slabs(start: FloatArray, way: FloatArray, half: FloatArray) -> Span:
+def _slabs(start: Reals, way: Reals, half: Reals) -> Span:
     """Span within |component| <= half (m,) for each of m components."""
     first, last = None, None
-    for one, along, reach in zip(start, way, half, strict=True):
+    for one, along, reach in zip(start, way, half.tolist(), strict=True):
         inverse = 1.0 / np.where(np.abs(along) < PARALLEL, PARALLEL, along)
         middle, side = -one * inverse, reach * np.abs(inverse)
         low, high = middle - side, middle + side
@@ -120,27 +122,27 @@ def _slabs(start: FloatArray, way: FloatArray, half: FloatArray) -> Span:
     return first, last
 
 
-def _ellipsoid(shape: Shape, start: FloatArray, way: FloatArray) -> Span:
+def _ellipsoid(shape: Shape, start: Reals, way: Reals) -> Span:
     if shape.kind == "sphere":
         return _round(start, way, float(shape.size_mm[0]) ** 2)
-    half = shape.size_mm.reshape(3, *[1] * (start.ndim - 1))
+    half = shape.size_mm.reshape(3, *[1] * (start.ndim - 1)).astype(start.dtype)
     return _round(start / half, way / half, 1.0)
 
 
-def _box(shape: Shape, start: FloatArray, way: FloatArray) -> Span:
+def _box(shape: Shape, start: Reals, way: Reals) -> Span:
     return _slabs(start, way, shape.size_mm)
 
 
-def _cylinder(shape: Shape, start: FloatArray, way: FloatArray) -> Span:
+def _cylinder(shape: Shape, start: Reals, way: Reals) -> Span:
     side = _round(start[:2], way[:2], float(shape.size_mm[0]) ** 2)
     ends = _slabs(start[2:], way[2:], shape.size_mm[1:2])
     return np.maximum(side[0], ends[0]), np.minimum(side[1], ends[1])
 
 
-def _capsule(shape: Shape, start: FloatArray, way: FloatArray) -> Span:
+def _capsule(shape: Shape, start: Reals, way: Reals) -> Span:
     """The line enters where it enters the infinite cylinder or, if that is beyond an end, the ball there."""
-    radius, half = shape.size_mm[:2]
-    square = float(radius) ** 2
+    radius, half = shape.size_mm[:2].tolist()
+    square = radius**2
     first, last = _round(start[:2], way[:2], square)
     ends = []
     for distance, k in ((first, 0), (last, 1)):
@@ -150,10 +152,10 @@ def _capsule(shape: Shape, start: FloatArray, way: FloatArray) -> Span:
     return ends[0], ends[1]
 
 
-def _hull(shape: Shape, start: FloatArray, way: FloatArray) -> Span:
+def _hull(shape: Shape, start: Reals, way: Reals) -> Span:
     assert shape.planes is not None
-    first: FloatArray = np.full(start.shape[1:], -np.inf)
-    last: FloatArray = np.full(start.shape[1:], np.inf)
+    first: Reals = np.full(start.shape[1:], -np.inf, start.dtype)
+    last: Reals = np.full(start.shape[1:], np.inf, start.dtype)
     for x, y, z, distance in shape.planes.tolist():
         slope = x * way[0] + y * way[1] + z * way[2]
         slope = np.where(np.abs(slope) < PARALLEL, PARALLEL, slope)

@@ -29,7 +29,7 @@ def made_up_light(name: str = "gripper-teensy", design: SensorDesign | None = No
         nodes=nodes,
         tip_radius_mm=design.indenter.tip_radius_mm,
         tip=fitted_spline(roots, np.zeros(3), steps),
-        weights=rng.normal(0.0, 1e-3, (CHANNELS * len(nodes.inside), pairs)).astype(np.float32),
+        weights=rng.normal(0.0, 1e-3, (CHANNELS * nodes.cells, pairs)).astype(np.float32),
         untouched=rng.uniform(1e-3, 2e-3, shape),
         deepest_mm=2.0,
         states=0,
