@@ -72,6 +72,7 @@ ALLOWED = {
     },  # scipy lowers a profile to cubic pieces and draws Sobol points
     "sims/learning": {"numpy", "scipy", "sklearn", "threadpoolctl"},
     "sims/learning/inference": {"numpy"},
+    "sims/robot": {"numpy", "scipy", "threadpoolctl"},
     "fabrication": {"jinja2", "markupsafe", "numpy", "pydantic", "tomlkit"},
     "fabrication/driver": {
         "serial",
