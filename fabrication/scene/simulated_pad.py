@@ -22,7 +22,8 @@ noise than the board does.
 
 A pair's light is interpolated between calls before and after its conversion, so the calls may be more or less frequent
 than the frames. A call at every step of 1 to 4 ms follows the motion; with fewer calls the motion between them counts
-as even. Of calls that are closer than the frame is long, those are taken between which something moved (`STEP_MM`).
+as even. Of calls that are closer than the frame is long, those are taken between which something moved (`STEP_MM`), and
+while objects rest on the pad, their light is computed once (`REST_MM`).
 Frames that were delivered between two calls and replaced by a later one are made only for a recording or for
 `optopad.SimulatedSensor`.
 
@@ -85,8 +86,9 @@ SEEN_MM = 0.05
 BESIDE_MM = 1.0
 """Gap of an object to all nodes beyond which it is beside the map; a ball between nodes has less [mm]."""
 STEP_MM, REST_MM = 0.05, 0.005
-"""Motion within a frame for which light is computed once more, and below which once is enough [mm]. Light that changes
-by 30 % per mm is off by 0.08 % at most then, less than an emitter's fluctuation."""
+"""Motion within a frame for which light is computed once more, and motion since light was computed last below which it
+is taken again [mm]. Light that changes by 30 % per mm is off by 0.15 % at most then, less than an emitter's
+fluctuation."""
 SAME_S = 1e-9
 """Times closer than this are equal: the rounding of sums of time steps [s]."""
 
@@ -204,6 +206,7 @@ class SimulatedPad:
         It is called by itself when `data.time` goes back. Call it after objects were moved without a step of time.
         """
         self._looks: list[_Look] = []
+        self._known: _Look | None = None
         self._begin_s: float | None = None
         self._last: Frame | None = None
         self._before += self._next
@@ -365,6 +368,11 @@ class SimulatedPad:
     def _ratios(self, looks: list[_Look]) -> list[FloatArray]:
         """Light over the untouched light (emitter, receiver) at each look, computed where it is not known yet [-]."""
         new = [one for one in looks if one.ratios is None and one.touching.geoms]
+        if self._known is not None and new:
+            for one in new:
+                if self._known.touching.moved_mm(one.touching) <= REST_MM:
+                    one.ratios, one.deepest_mm = self._known.ratios, self._known.deepest_mm
+            new = [one for one in new if one.ratios is None]
         if new:
             imprint = self._imprint([one.touching for one in new])
             deepest_mm, most_mm = imprint.deepest_mm.tolist(), self._light.deepest_mm
@@ -375,6 +383,7 @@ class SimulatedPad:
                 )
             for one, deep_mm, ratios in zip(new, deepest_mm, self._light.ratios(imprint), strict=True):
                 one.deepest_mm, one.ratios = deep_mm, ratios
+            self._known = new[-1]
         return [self._ones if one.ratios is None else one.ratios for one in looks]
 
     def _imprint(self, many: list[Touching]) -> Imprint:

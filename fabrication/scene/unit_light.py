@@ -16,9 +16,9 @@ needs no coordinates of it and takes any object. f is 0 on the untouched pad.
 Factor, width l and ridge have the least error at the states themselves, each left out in turn. This error is stated
 (`UnitLight.error`) next to the whole difference of unit and design (`UnitLight.difference`); the error of the map of
 the design comes on top. Two drawn units of the 16 mm fingertip differ from their design by 3.7 and 2.7 % rms of the
-untouched signal. At 54 other states, 3.0 and 2.0 % remain, which is what was stated within 3 % of it. So a unit is a
-likely one rather than exactly the one that was drawn. For a map as exact as the design's, take the unit's design as a
-design of its own: `optopad scene UNIT.toml --out FOLDER --fit`.
+untouched signal, one of the 32 mm pad by 1.0 %. At 54 other states, 3.0, 2.0 and 0.8 % remain, which is what was
+stated within a tenth of it. So a unit is a likely one rather than exactly the one that was drawn. For a map as exact as
+the design's, take the unit's design as a design of its own: `optopad scene UNIT.toml --out FOLDER --fit`.
 
 Left out: scatter between parts of one kind, as in the tolerances; the force of the unit, which stays that of the
 design, and its length and width in the scene. The gains are set anew on a unit, as for the units that `optopad score

@@ -12,13 +12,19 @@ LIMIT_US = 200.0
 """Longest time for a frame of 8 + 8 parts under a ball [us]."""
 
 
-@pytest.mark.parametrize("depth_mm", [-1.0, 1.0], ids=["untouched", "pressed"])
-def test_a_frame_of_eight_and_eight_parts(benchmark, bench_size, depth_mm):
+@pytest.mark.parametrize(
+    ("depth_mm", "step_m"), [(-1.0, 0.0), (1.0, 0.0), (1.0, 2e-5)], ids=["untouched", "held", "moving"]
+)
+def test_a_frame_of_eight_and_eight_parts(benchmark, bench_size, depth_mm, step_m):
     press = Press(scene(pad_body(), ball()), 8.0, 8.0)
     pad = SimulatedPad(press.model, DESIGN, light=StandInLight())
     data = press.to(depth_mm)
+    moved = step_m
 
     def frame() -> None:
+        nonlocal moved
+        moved = -moved
+        data.geom_xpos[-1, 0] += moved  # to and fro, without a step of MuJoCo
         data.time += pad.interval_s
         pad.frame(data)
 

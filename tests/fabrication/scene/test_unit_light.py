@@ -27,6 +27,7 @@ from tests.fabrication.scene.made_up_scene import (
     pad_body,
     scene,
 )
+from tests.sims.robot.made_up_light import made_up_light
 
 
 class OtherUnit(StandInLight):
@@ -128,3 +129,17 @@ def test_a_thicker_unit_is_touched_earlier(monkeypatch: pytest.MonkeyPatch) -> N
     np.testing.assert_array_equal(thick.frame(press.to(0.35)).counts, designed.counts)
     again = SimulatedPad(press.model, QUIET, light=StandInLight(QUIET)).frame(press.to(0.5))
     np.testing.assert_array_equal(again.counts, designed.counts)
+
+
+@pytest.mark.slow
+def test_traced_states_of_a_unit_differ_from_the_design_s_by_what_was_drawn(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(module, "STATES", 9)
+    design, light = optopad.load("gripper-teensy"), made_up_light("gripper-teensy")
+    untouched, imprint, same = module._traced(light, design, design, seed=0)
+    assert (same == 0.0).all()  # light has the same random shifts
+    assert len(imprint) == len(same) == 9
+    own, _, change = module._traced(light, design, drawn_design(design, 0), seed=0)
+    assert 0.005 < module._rms(change) < 0.2
+    assert 0.02 < np.abs(own / untouched - 1.0).max() < 1.0
