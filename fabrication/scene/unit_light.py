@@ -43,7 +43,7 @@ from optopad.sims.held import light_of_tops
 from optopad.sims.optics.engine.threads import run_each
 from optopad.sims.press import GridTop
 from optopad.sims.robot.fast_light import FastLight, Imprint
-from optopad.sims.robot.light_states import COARSE, Pressed, StateSource
+from optopad.sims.robot.light_states import QUICK_LIGHT, Pressed, StateSource
 from optopad.sims.robot.shapes import Shape
 from optopad.sims.verdict.builds import drawn_values
 from optopad.sims.verdict.presses import untouched_flux
@@ -167,7 +167,9 @@ def _traced(
     run_each(solve, STATES)
     states = [found[number] for number in sorted(found)]
     tops = [state.top for state, _ in states], [top for _, top in states]
-    lights = [light_of_tops(*each, accuracy=COARSE, seed=seed) for each in zip(drafts, tops, strict=True)]
+    lights = [
+        light_of_tops(*each, accuracy=QUICK_LIGHT, seed=seed) for each in zip(drafts, tops, strict=True)
+    ]
     before, after = (one.flux / np.where(one.untouched > 0.0, one.untouched, 1.0) for one in lights)
     change = (after - before).reshape(len(states), -1)
     return untouched_flux(drafts[1], seed=0), source.imprint([state.objects for state, _ in states]), change

@@ -3,10 +3,10 @@ r"""The light of a pad under any objects, in a tenth of a millisecond: a map tha
     light over untouched light = Π_i b_i + V · (F(o) - Σ_i F(o_i))                                  pair by pair
 
 b_i is the light under the design's tip where ball i touches, and as deep, from a spline through traced presses
-(`optopad.sims.learning.traced_map`). So a ball like the tip reads what `optopad simulate` computes. o is the overlap of
-all objects with the untouched top at the nodes of a grid (`shapes`), o_i that of the tip in place of ball i. Without
-balls, the product is 1 and the sum is 0. F has `CHANNELS` numbers for each cell of a grid of 2 x 2 nodes, and V weighs
-them for each pair.
+(`optopad.sims.learning.traced_map`), for balls like the tip. So these read what `optopad simulate` computes. o is the
+overlap of all objects with the untouched top at the nodes of a grid (`shapes`), o_i that of the tip in place of ball i.
+Without such balls, the product is 1 and the sum is 0. F has `CHANNELS` numbers for each cell of a grid of 2 x 2 nodes,
+and V weighs them for each pair.
 
 Light that the top mirrors once is a sum over the points of the top: each adds what it mirrors, which depends on its
 slope and ends where an object touches. So V F is a sum over the cells. To solve the deformed top itself would take much
@@ -59,9 +59,13 @@ WIDTHS, BENDS = (0.13, 0.33), (0.1, 0.05)
 """Standard deviations of the neighbourhoods, over the layer's thickness, and their constants c [-]."""
 FAINT_MM = np.float32(1e-3)
 """t without an object, which is taken off [mm]."""
+FARTHEST = 5.0
+"""Standard deviations at which a neighbourhood ends; its weights would soon be too small for fast arithmetic."""
 SCALARS = 5
 """Channels without a direction come first: step, root, t, and |g|² of both neighbourhoods."""
 CHANNELS = SCALARS + 4 * len(WIDTHS)
+LIKE_TIP = 0.1
+"""Largest relative difference from the tip's radius of a ball that counts as one like the tip [-]."""
 PER_CELL = 2
 """Nodes along each side of a cell."""
 AWAY_MM = -9.0
@@ -79,7 +83,7 @@ class Imprint:
     Attributes
     ----------
     overlap_mm : (n, node) overlap by the deepest object, negative for a gap [mm]
-    balls_mm : (n, ball, 3) x, y and depth at which each ball touches [mm]; NaN for none
+    balls_mm : (n, ball, 3) x, y and depth at which each ball like the tip touches [mm]; NaN for none
     deepest_mm : (n,) largest depth of the objects [mm]
     """
 
@@ -208,11 +212,12 @@ class FastLight:
         centre_mm, turn : (n, 3) centres and (n, 3, 3) rotations in cavity coordinates; columns are the shape's axes
         """
         found = self._overlap_mm(shape, centre_mm, turn)
-        if shape.kind != "sphere":
+        radius_mm = float(shape.size_mm[0])
+        if shape.kind != "sphere" or abs(radius_mm / self.tip_radius_mm - 1.0) > LIKE_TIP:
             balls = np.empty((len(found), 0, 3))
             deepest = found.max(axis=1).astype(np.float64)
             return Imprint(overlap_mm=found, balls_mm=balls, deepest_mm=deepest)
-        ball = self._contact_mm(centre_mm, float(shape.size_mm[0]))
+        ball = self._contact_mm(centre_mm, radius_mm)
         return Imprint(overlap_mm=found, balls_mm=ball[:, None], deepest_mm=ball[:, 2])
 
     def ratios(self, imprint: Imprint) -> FloatArray:
@@ -287,7 +292,7 @@ class FastLight:
         ):
             widths = nodes.thickness_mm * np.array(WIDTHS)[:, None, None]
             away = (cells[:, None] - line) / widths
-            weight = np.exp(-0.5 * away**2)
+            weight = np.where(np.abs(away) < FARTHEST, np.exp(-0.5 * away**2), 0.0)
             weight /= weight.sum(axis=2).max(axis=1)[:, None, None]
             pair = [one.swapaxes(1, 2) if is_y else one for one in (weight, -weight * away / widths)]
             found.append([np.ascontiguousarray(one, dtype=np.float32) for one in pair])

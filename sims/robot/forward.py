@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 
 from optopad.design.arrays import FloatArray
 from optopad.design.draft import Draft
@@ -21,7 +22,7 @@ from optopad.sims.robot.fast_light import FastLight, Imprint, fast_light
 from optopad.sims.robot.poses import posed
 from optopad.sims.robot.shapes import Shape
 
-AT_ONCE = 64
+AT_ONCE = 125
 """States that are computed together, so that a core's cache holds their arrays."""
 
 
@@ -83,7 +84,7 @@ class Forward:
             own = slice(number * AT_ONCE, (number + 1) * AT_ONCE)
             flux[own] = self.of_imprint(self.light.imprint(shape, centre[own], turns[own]))
 
-        with threadpool_limits(1):
+        with _threads().limit(limits=1):
             run_each(put, -(-len(centre) // AT_ONCE))
         return self._read(flux, seed)
 
@@ -96,6 +97,11 @@ class Forward:
             return np.minimum(flux * self.chain.gains, self.chain.full_scale_counts)
         counts = self.chain.counts(flux, np.zeros(len(flux)), np.random.default_rng(seed)).astype(np.float64)
         return np.asarray(counts[:, :-1] - counts[:, -1:])
+
+
+@cache
+def _threads() -> ThreadpoolController:
+    return ThreadpoolController()
 
 
 def forward(design: SensorDesign, light: FastLight | None = None) -> Forward:

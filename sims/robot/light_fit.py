@@ -44,7 +44,7 @@ from optopad.sims.robot.light_states import SHARES, StateSource, traced_ratios
 from optopad.sims.verdict.presses import untouched_flux
 
 STATES, FEWEST, MOST = 20_000, 200, 1_000_000
-CHECKED = 60
+CHECKED = 30
 """Other states of each kind at which the error is measured, at most; fewer if fewer are fitted."""
 CELLS, MOST_CELLS, TIP_SHARE = 256, 640, 2.0 / 3.0
 """Cells of a pad; most of them, if their size would otherwise exceed this share of the tip's radius."""

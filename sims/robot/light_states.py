@@ -23,7 +23,7 @@ from optopad.design.held_object import Box, Cylinder, Ellipsoid, HeldObject, Pun
 from optopad.design.progress import OnShare
 from optopad.design.rules.touch import LARGEST_HELD_SHARE, NEAREST_HELD
 from optopad.sims.contact.held.bottoms import bottom_mm
-from optopad.sims.contact.held.press import SHARP_SHARE, grid_of, held_press
+from optopad.sims.contact.held.press import COARSE, SHARP_SHARE, grid_of, held_press
 from optopad.sims.contact.scope import contact_of
 from optopad.sims.held import light_of_tops
 from optopad.sims.optics.accuracy import ACCURACIES, Accuracy
@@ -50,10 +50,8 @@ DEPTH_POWER = 1.5
 LEAN_DEG = 4.0
 """Standard deviation of pitch and roll [deg]; half of it for faces."""
 MOST_TRIES = 200
-COARSE = replace(ACCURACIES["score"], replicates=1, image_step=0.7)
+QUICK_LIGHT = replace(ACCURACIES["score"], replicates=1, image_step=1.0)
 """Accuracy of a state of the fit: its random errors average out over many states."""
-GRID_MM = 0.24
-"""Largest distance of the contact's nodes; half as much again as of `optopad press`, for less than half of its time."""
 SEEDS = 8
 """Seeds of the light that states take in turn, so that their errors differ."""
 AT_ONCE = 256
@@ -185,7 +183,7 @@ class StateSource:
         top = self._plan.top
         at = self._plan.centre_mm if top.is_flat else objects[0][1:3]
         origin, axes = top.press_frame(*at)
-        x_mm, y_mm = grid_of(self._contact, at, GRID_MM)
+        x_mm, y_mm = grid_of(self._contact, at, COARSE)
         deepest, each = max(one[3] for one in objects), []
         for held, x, y, depth in objects:
             foot = axes[:2] @ (np.array([x, y, float(top.height_mm(x, y))]) - origin)
@@ -194,7 +192,7 @@ class StateSource:
             if len(objects) > 1 and not top.is_flat:
                 own -= float(np.nanmin(own + top.in_frame.sag_mm(*np.meshgrid(x_mm, y_mm, indexing="ij"))))
             each.append(own + deepest - depth)
-        found = held_press(self._contact, at, np.minimum.reduce(each), depth_mm=deepest, step_mm=GRID_MM)
+        found = held_press(self._contact, at, np.minimum.reduce(each), depth_mm=deepest, fineness=COARSE)
         return found.top, found.force_n
 
 
@@ -210,7 +208,7 @@ def traced_ratios(
     numbers: Sequence[int],
     of_kinds: Sequence[str] | None = None,
     *,
-    accuracy: str | Accuracy = COARSE,
+    accuracy: str | Accuracy = QUICK_LIGHT,
     seed: int = 0,
     on_share: OnShare = lambda _share: None,
 ) -> tuple[list[str], Imprint, FloatArray]:

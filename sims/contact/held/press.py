@@ -39,6 +39,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import binary_dilation, distance_transform_edt, label, map_coordinates, uniform_filter
@@ -55,11 +56,7 @@ from optopad.sims.contact.held.solve import contact_pressure
 from optopad.sims.contact.scope import Contact, Place
 from optopad.sims.press import GridTop
 
-STEP_MM = 0.16
-"""Largest distance of the grid's nodes, on pads that need at most `MOST_STEPS` of them along a side."""
 MOST_STEPS = 360
-SETTLED = 1e-6
-"""Largest accepted gap or overlap in the contact, over the depth [-]."""
 FORGIVEN = 1e-4
 """Overlap over the depth [-] outside the part of the grid that is solved, from which on this part is enlarged."""
 UNSEEN = 0.1
@@ -71,6 +68,23 @@ REACH = 0.25
 FADING = 0.1
 """Length over the thickness over which the error of the splines at the walls is taken back [-]."""
 
+
+class Fineness(NamedTuple):
+    """How finely a press is solved.
+
+    Attributes
+    ----------
+    step_mm : largest distance of the grid's nodes, on pads that need at most `MOST_STEPS` of them along a side
+    settled : largest accepted gap or overlap in the contact, over the depth [-]
+    """
+
+    step_mm: float
+    settled: float
+
+
+FINE = Fineness(step_mm=0.16, settled=1e-6)
+COARSE = Fineness(step_mm=0.32, settled=3e-4)
+"""A third of the time, for maps of many presses."""
 
 Window = tuple[slice, slice]
 
@@ -106,12 +120,12 @@ class HeldPress:
     holds_n: float = 0.0
 
 
-def grid_of(contact: Contact, at_mm: Place, step_mm: float = STEP_MM) -> tuple[FloatArray, FloatArray]:
+def grid_of(contact: Contact, at_mm: Place, fineness: Fineness = FINE) -> tuple[FloatArray, FloatArray]:
     """Equally spaced nodes x (nx,) and y (ny,) of a grid that covers the pad, in the press frame at a location [mm]."""
     x, y = _border(contact.draft.plan, at_mm)[1].T
     spans = [(float(one.min()), float(one.max())) for one in (x, y)]
     longest = max(high - low for low, high in spans)
-    step = longest / min(math.ceil(longest / step_mm), MOST_STEPS)
+    step = longest / min(math.ceil(longest / fineness.step_mm), MOST_STEPS)
     counts = [math.ceil((high - low) / step - 1e-6) for low, high in spans]
     first, second = (
         np.asarray((low + high) / 2 + step * (np.arange(count + 1) - count / 2), np.float64)
@@ -131,14 +145,14 @@ def _border(plan: Plan, at_mm: Place) -> tuple[FloatArray, FloatArray]:
 class Pad:
     """A pad's top on the grid of the press frame at a location."""
 
-    def __init__(self, contact: Contact, at_mm: Place, step_mm: float = STEP_MM) -> None:
-        plan = contact.draft.plan
+    def __init__(self, contact: Contact, at_mm: Place, fineness: Fineness = FINE) -> None:
+        plan, self._settled = contact.draft.plan, fineness.settled
         cavity = contact.design.cavity
         elastic_mm = cavity.clear_thickness_mm + cavity.black_thickness_mm - float(plan.top.sag_mm(*at_mm))
         self.thickness_mm = elastic_mm / float(plan.top.normal(*at_mm)[2])
         self.deepest_mm = LARGEST_HELD_SHARE * self.thickness_mm
         self.shear_mpa = contact.draft.modulus.value / 3.0
-        self.x_mm, self.y_mm = grid_of(contact, at_mm, step_mm)
+        self.x_mm, self.y_mm = grid_of(contact, at_mm, fineness)
         self.step_mm = float(self.x_mm[1] - self.x_mm[0])
         places = np.stack(np.meshgrid(self.x_mm, self.y_mm, indexing="ij"))
         self.sag_mm = plan.top.in_frame.sag_mm(*places)
@@ -256,7 +270,7 @@ class Pad:
         gap : (nx, ny) gap between the object and the untouched top, along its normal [mm]
         depth_mm : depth of the press; it sets the accuracy
         """
-        near, settled = gap < REACH * depth_mm, SETTLED * depth_mm
+        near, settled = gap < REACH * depth_mm, self._settled * depth_mm
         while True:
             x, y = (slice(int(k.min()), int(k.max()) + 1) for k in np.nonzero(near))
             load, start = np.zeros_like(gap), np.maximum(-gap[x, y], 0.0)
@@ -270,9 +284,9 @@ class Pad:
 
 
 @lru_cache(maxsize=4)
-def pad_at(contact: Contact, at_mm: Place, step_mm: float) -> Pad:
+def pad_at(contact: Contact, at_mm: Place, fineness: Fineness) -> Pad:
     """The pad in the press frame at a location; the last ones are kept."""
-    return Pad(contact, at_mm, step_mm)
+    return Pad(contact, at_mm, fineness)
 
 
 def held_press(
@@ -282,7 +296,7 @@ def held_press(
     *,
     depth_mm: float | None = None,
     force_n: float | None = None,
-    step_mm: float = STEP_MM,
+    fineness: Fineness = FINE,
 ) -> HeldPress:
     """Press rigid objects into a pad, to a depth or with a force.
 
@@ -292,7 +306,7 @@ def held_press(
     bottoms : (nx, ny) height of the objects' lowest surface over each node of `grid_of` above their lowest point, along
         the frame's z [mm]; infinite where there is none
     depth_mm, force_n : how far the objects move from first touch, or the force that moves them; one of both
-    step_mm : largest distance of the nodes, as for `grid_of`
+    fineness : of the grid and the solution
 
     Raises
     ------
@@ -304,7 +318,7 @@ def held_press(
     for name, value in (("depth_mm", depth_mm), ("force_n", force_n)):
         if value is not None and not (math.isfinite(value) and value >= 0.0):
             raise InputError(f"{name}: {value} must be a finite number, 0 or more")
-    pad, gap = touched(contact, at_mm, bottoms, step_mm)
+    pad, gap = touched(contact, at_mm, bottoms, fineness)
     if depth_mm is not None:
         return at_depth(pad, gap, depth_mm)
     assert force_n is not None
@@ -312,7 +326,7 @@ def held_press(
 
 
 def touched(
-    contact: Contact, at_mm: Place, bottoms: FloatArray, step_mm: float = STEP_MM
+    contact: Contact, at_mm: Place, bottoms: FloatArray, fineness: Fineness = FINE
 ) -> tuple[Pad, FloatArray]:
     """A pad, and the gap (nx, ny) along the frame's z between its untouched top and objects at first touch [mm].
 
@@ -323,7 +337,7 @@ def touched(
     """
     if not contact.draft.plan.contains(*at_mm):
         raise InputError(f"at_mm: x = {at_mm[0]:g}, y = {at_mm[1]:g} mm must lie in the pad")
-    pad = pad_at(contact, at_mm, step_mm)
+    pad = pad_at(contact, at_mm, fineness)
     if bottoms.shape != pad.inside.shape or np.isnan(bottoms).any():
         raise InputError(f"bottoms: give one height, or infinity, for each of {pad.inside.shape} nodes")
     gap = bottoms + np.nan_to_num(pad.sag_mm, nan=float(np.nanmax(pad.sag_mm)))

@@ -44,9 +44,9 @@ from optopad.design.errors import InputError, ModelScopeError
 from optopad.design.held_object import LARGEST_FRICTION
 from optopad.design.rules.touch import LARGEST_HELD_SHARE
 from optopad.sims.contact.held.press import (
+    FINE,
     FORGIVEN,
     REACH,
-    SETTLED,
     HeldPress,
     Pad,
     require_scope,
@@ -272,7 +272,7 @@ class Slide:
         for turn in range(ROUNDS):
             gap = pad.slope[window] * self.overlap(to, moved[:2], window) + moved[2]
             start = np.maximum(load[2], np.where(gap < 0.0, -gap, 0.0))
-            pressure, _ = contact_pressure(down, gap, SETTLED * self.depth_mm, start)
+            pressure, _ = contact_pressure(down, gap, FINE.settled * self.depth_mm, start)
             change = float(np.abs(pressure - load[2]).sum() / pressure.sum())
             load[2], limit = pressure, self.friction * self._softness * pressure
             drawn = whole(np.concatenate([0.0 * load[:2], (pressure - pressed)[None]]))[:2]

@@ -27,7 +27,7 @@ from optopad.design.arrays import FloatArray, IntArray
 from optopad.design.draft import Draft
 from optopad.design.errors import InputError, ModelScopeError
 from optopad.design.rules.touch import LARGEST_HELD_SHARE
-from optopad.sims.contact.held.press import STEP_MM, HeldPress, Pad, pad_at, settled
+from optopad.sims.contact.held.press import FINE, HeldPress, Pad, pad_at, settled
 from optopad.sims.contact.pad_surface import PadSurface, pad_surfaces
 from optopad.sims.contact.scope import Contact, Place
 from optopad.sims.press import GridTop
@@ -111,7 +111,7 @@ def pressed_tips(contact: Contact, tips_mm: FloatArray) -> TipsPress:
 
 def _pressed(contact: Contact, tips: FloatArray) -> TipsPress:
     """The press of one or two tips that touch."""
-    pad = pad_at(contact, _frame_at(contact.draft, tips), STEP_MM)
+    pad = pad_at(contact, _frame_at(contact.draft, tips), FINE)
     if len(tips) > 1:
         _require_depth(contact, tips)
     is_flat = contact.draft.plan.top.is_flat

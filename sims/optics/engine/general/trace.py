@@ -33,10 +33,17 @@ from optopad.sims.optics.accuracy import Accuracy
 from optopad.sims.optics.engine.general.deposits import TIP_PATCHES
 from optopad.sims.optics.engine.general.grid import divided, patch_areas
 from optopad.sims.optics.engine.general.lower import FormedStack
-from optopad.sims.optics.engine.general.pad import CLASSES, FormedWays, formed_ways, jackknifed, lattice_error
+from optopad.sims.optics.engine.general.pad import (
+    CLASSES,
+    FormedPad,
+    FormedWays,
+    formed_ways,
+    jackknifed,
+    lattice_error,
+)
 from optopad.sims.optics.engine.general.patches import is_in_plan
 from optopad.sims.optics.engine.general.points import points_of, ring_points, ring_zone_mm
-from optopad.sims.optics.engine.general.rays import AREA
+from optopad.sims.optics.engine.general.rays import AREA, CZ, HALF_V
 from optopad.sims.optics.engine.general.top import (
     CONTACT_EDGE,
     DEPTH,
@@ -131,7 +138,7 @@ def _pressed(
     """(class, emitter, receiver) light of a pressed state; (emitter, receiver) standard error and change error."""
     pad = ways.pad
     flux = pad.flux.copy()
-    straight = pad.straight(top, wanted, ways.rules) - ways.straight
+    straight = pad.straight(top, wanted, ways.rules) - ways.straight if _may_hide(pad, top) else 0.0
     mirrored = np.stack([_mirrored_change(ways, k, top, wanted) for k in range(len(ways.points))])
     scattered, scattered_error = _scattered(ways, top, wanted)
     flux[0] += straight
@@ -145,6 +152,13 @@ def _pressed(
     change_error = np.hypot(lattice_error(mirrored), scattered_error)
     error = np.sqrt(pad.error**2 + change_error**2 + rules**2)
     return np.maximum(flux, 0.0), np.asarray(error), np.asarray(change_error)
+
+
+def _may_hide(pad: FormedPad, top: FormedTop) -> bool:
+    """Whether a press may hide direct light: on flat tops, only if it reaches below the highest edge of a face."""
+    faces = np.concatenate([pad.emitters, pad.receivers])
+    highest_mm = float((faces[:, CZ] + faces[:, HALF_V]).max())
+    return bool(top.numbers[KIND] != FLAT or pad.scene.height_mm - top.numbers[DEPTH] < highest_mm)
 
 
 def _mirrored_change(ways: FormedWays, number: int, top: FormedTop, wanted: BoolArray) -> FloatArray:

@@ -111,7 +111,7 @@ def test_each_contact_grows_from_the_library_s_as_the_linear_one_does(radius: fl
         )
     )
     at = np.array([[9.5, 16.0, 0.9 * radius], [22.5, 16.0, 0.9 * radius]])
-    top, on = pressed_tips(pad, at).top, tips.pad_at(pad, pad.draft.plan.centre_mm, tips.STEP_MM)
+    top, on = pressed_tips(pad, at).top, tips.pad_at(pad, pad.draft.plan.centre_mm, tips.FINE)
     overlaps = [tips._overlap(on, pad, one) for one in at]
     alone, both = (
         sum(tips._linear(on, one, 0.9 * radius).area_mm2 for one in of)
