@@ -253,7 +253,7 @@ class FastLight:
 
     def features(self, overlap_mm: Single) -> Single:
         """F (n, channel x cell) of overlaps (n, node)."""
-        (mean_x, slope_x), (mean_y, slope_y) = self._neighbourhoods
+        (mean_x, slope_x), (mean_y, slope_y) = self.neighbourhoods
         shape = (len(overlap_mm), len(self.nodes.x_mm), len(self.nodes.y_mm))
         overlap = overlap_mm.reshape(shape)
         found = np.empty((shape[0], CHANNELS, shape[1] // PER_CELL, shape[2] // PER_CELL), np.float32)
@@ -283,7 +283,7 @@ class FastLight:
         return found.reshape(shape[0], -1)
 
     @cached_property
-    def _neighbourhoods(self) -> tuple[tuple[Single, Single], tuple[Single, Single]]:
+    def neighbourhoods(self) -> tuple[tuple[Single, Single], tuple[Single, Single]]:
         """Matrices (width, cell, node) of means along x and of their slopes there; the same, transposed, along y."""
         nodes = self.nodes
         found = []

@@ -1,3 +1,7 @@
+import re
+import runpy
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
@@ -162,3 +166,16 @@ def test_a_small_fit_explains_most_of_the_light_of_objects(tmp_path):
     view = optopad.press(design, "sphere", at=(float(at[0]), float(at[1])), depth=1.0)
     traced = view.light.flux[0] / view.light.untouched
     np.testing.assert_allclose(found.presses([[*at, 1.0]])[0] / found.untouched, traced, atol=0.03)
+
+
+def test_the_program_for_jax_gives_the_map(light, monkeypatch, tmp_path):
+    """With NumPy in the place of JAX."""
+    page = (Path(__file__).parents[3] / "docs" / "how-to" / "robot-simulation.md").read_text(encoding="utf-8")
+    (program,) = [one for one in re.findall(r"```python\n(.*?)```", page, re.DOTALL) if "xp = np" in one]
+    monkeypatch.setattr("optopad.sims.robot.fast_light.fast_light", lambda _design: light)
+    names: dict[str, object] = {}
+    exec(program, names)
+    box = Shape(kind="box", size_mm=np.array([3.0, 2.0, 2.0]))
+    imprint = light.imprint(box, np.array([[14.0, 10.0, light.top.clear_mm + 1.5]]), EYE)
+    found = names["ratios"](light, imprint.overlap_mm)
+    np.testing.assert_allclose(found, light.ratios(imprint).reshape(1, -1), atol=1e-5)
