@@ -82,6 +82,9 @@ validate: setup ## the figures of docs/validation, made anew (hours; interrupted
 	$(BIN)/python -m tests.validation.held.object_table
 	$(BIN)/python -m tests.validation.held.tips_truth
 	$(BIN)/python -m tests.validation.held.tips_table
+	$(BIN)/python -m tests.validation.scene.contact_table
+	$(BIN)/python -m optopad scene piacenza2017-pad --fit --out build/scene
+	$(BIN)/python -m tests.validation.scene.light_table
 	$(BIN)/python -m tests.validation.light.light_reference_build
 	$(BIN)/python -m tests.validation.light.light_table
 	$(BIN)/python -m tests.validation.light.light_pad

@@ -93,13 +93,16 @@ def fit_fast_light(
     return light
 
 
+def cell_mm(draft: Draft) -> float:
+    """Size of the cells of a draft's pad [mm]."""
+    area_mm2, tip_mm = draft.plan.area_mm2, draft.design.indenter.tip_radius_mm
+    return max(min(math.sqrt(area_mm2 / CELLS), TIP_SHARE * tip_mm), math.sqrt(area_mm2 / MOST_CELLS))
+
+
 def _without_weights(draft: Draft, known: SignalMap) -> FastLight:
     design, plan = draft.design, draft.plan
     tip_mm = design.indenter.tip_radius_mm
-    area = plan.area_mm2
-    cell_mm = max(min(math.sqrt(area / CELLS), TIP_SHARE * tip_mm), math.sqrt(area / MOST_CELLS))
-    thickness = design.cavity.clear_thickness_mm + design.cavity.black_thickness_mm
-    untouched, nodes = untouched_flux(draft, seed=0), draft_nodes(draft, cell_mm)
+    untouched, nodes = untouched_flux(draft, seed=0), draft_nodes(draft, cell_mm(draft))
     return FastLight(
         digest=design.digest,
         top=plan.top,
@@ -108,7 +111,7 @@ def _without_weights(draft: Draft, known: SignalMap) -> FastLight:
         tip=_ratio_root(known),
         weights=np.zeros((CHANNELS * nodes.cells, untouched.size), np.float32),
         untouched=untouched,
-        deepest_mm=min(LARGEST_HELD_SHARE * thickness, design.operating.max_depth_mm),
+        deepest_mm=min(LARGEST_HELD_SHARE * nodes.thickness_mm, design.operating.max_depth_mm),
         states=0,
         errors={},
     )

@@ -9,6 +9,7 @@ from optopad.design.draft import Draft
 from optopad.design.spec import SensorDesign
 from optopad.sims.learning.inference.signal_map import fitted_spline
 from optopad.sims.robot.fast_light import CHANNELS, FastLight, draft_nodes
+from optopad.sims.robot.light_fit import cell_mm
 
 
 def made_up_light(name: str = "gripper-teensy", design: SensorDesign | None = None) -> FastLight:
@@ -17,7 +18,7 @@ def made_up_light(name: str = "gripper-teensy", design: SensorDesign | None = No
     draft = Draft.of(design)
     cavity, rng = draft.cavity, np.random.default_rng(1)
     shape = len(cavity.emitters), len(cavity.receivers)
-    nodes, pairs = draft_nodes(draft, 1.5), shape[0] * shape[1]
+    nodes, pairs = draft_nodes(draft, cell_mm(draft)), shape[0] * shape[1]
     x, y, root = (np.linspace(0.0, one, 8) for one in (cavity.length_mm, cavity.width_mm, 1.4))
     slope = rng.uniform(0.02, 0.1, pairs)
     places = (x[:, None, None, None] + 2.0 * y[:, None, None]) / 40.0

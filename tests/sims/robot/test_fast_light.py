@@ -173,8 +173,8 @@ def test_the_program_for_jax_gives_the_map(light, monkeypatch, tmp_path):
     page = (Path(__file__).parents[3] / "docs" / "how-to" / "robot-simulation.md").read_text(encoding="utf-8")
     (program,) = [one for one in re.findall(r"```python\n(.*?)```", page, re.DOTALL) if "xp = np" in one]
     monkeypatch.setattr("optopad.sims.robot.fast_light.fast_light", lambda _design: light)
-    names: dict[str, object] = {}
-    exec(program, names)
+    (tmp_path / "page.py").write_text(program, encoding="utf-8")
+    names = runpy.run_path(str(tmp_path / "page.py"))
     box = Shape(kind="box", size_mm=np.array([3.0, 2.0, 2.0]))
     imprint = light.imprint(box, np.array([[14.0, 10.0, light.top.clear_mm + 1.5]]), EYE)
     found = names["ratios"](light, imprint.overlap_mm)

@@ -1,6 +1,6 @@
 """Force of a pad in MuJoCo against the models of contact: balls of the tip's radius, and other objects.
 
-    python -m tests.validation.scene.contact_table     writes force_table.md and objects_table.md; half a minute
+    python -m tests.validation.scene.contact_table     writes the tables of docs/validation/scene.md; half a minute
 
 A ball is pressed by a force that grows from 0 and stays; its depth at rest gives the contact model's force to compare
 with. Objects are held at a depth; MuJoCo's force there is the sum over its contacts. The model of objects
@@ -9,6 +9,7 @@ with. Objects are held at a depth; MuJoCo's force there is the sum over its cont
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import mujoco
@@ -23,8 +24,9 @@ from optopad.sims.contact.indentation import solved_press
 from optopad.sims.contact.scope import contact_of
 from optopad.sims.held import AskedPress, pressed
 from tests.fabrication.scene.pads import SHAPES, ball_model, design_of, settled_depth_mm, top_m
+from tests.validation.contact.contact_table import markdown_table, write_tables
 
-FOLDER = Path(__file__).parent
+PAGE = Path(__file__).parents[3] / "docs" / "validation" / "scene.md"
 STEPS_MS, MASSES_KG, DEPTHS_MM = (1, 2, 4), (0.005, 0.05, 0.5, 2.0), (0.3, 0.6, 1.0, 1.5, 2.0, 3.0)
 PAD, HELD_MM = "piacenza2017-pad", (0.5, 1.0, 1.5)
 GEOM = mujoco.mjtGeom
@@ -40,7 +42,7 @@ OBJECTS = {
 """Objects as `optopad press` names them, and as geoms: half sizes, and height of the middle over the foot [mm]."""
 
 
-def force_rows() -> list[str]:
+def force_rows() -> list[list[str]]:
     """A row for each pad and mass: the error at each depth with the largest size over the time steps."""
     found = []
     for name in SHAPES:
@@ -57,11 +59,11 @@ def force_rows() -> list[str]:
                     error = force / press.force_n(min(rests, float(fit.depth_mm[-1]))) - 1.0
                     worst[k] = max(worst[k], error, key=abs)
             cells = [f"{100 * one:+.1f}" for one in worst] + ["-"] * (len(DEPTHS_MM) - len(depths))
-            found.append(f"| {name} | {1e3 * mass:g} | " + " | ".join(cells) + " |")
+            found.append([name, f"{1e3 * mass:g}", *cells])
     return found
 
 
-def object_rows() -> list[str]:
+def object_rows() -> list[list[str]]:
     """A row for each object and depth: both forces and MuJoCo's number of contacts."""
     found = []
     for words in OBJECTS:
@@ -74,7 +76,7 @@ def object_rows() -> list[str]:
             except ModelScopeError:
                 model_n = "refused"
             count, force = _mujoco_force_n(words, depth)
-            found.append(f"| {words} | {depth:g} | {model_n} | {force:.1f} | {count} |")
+            found.append([words, f"{depth:g}", model_n, f"{force:.1f}", f"{count}"])
     return found
 
 
@@ -98,16 +100,18 @@ def _mujoco_force_n(words: str, depth_mm: float) -> tuple[int, float]:
     return data.ncon, float(data.qfrc_constraint[2])
 
 
+def force() -> str:
+    """The table of balls."""
+    return markdown_table(["pad", "g", *(f"{one:g} mm" for one in DEPTHS_MM)], force_rows())
+
+
+def objects() -> str:
+    """The table of other objects."""
+    return markdown_table(["object", "mm", "model N", "MuJoCo N", "contacts"], object_rows())
+
+
+TABLES = {"force": force, "objects": objects}
+
+
 if __name__ == "__main__":
-    head = (
-        "| pad | g | "
-        + " | ".join(f"{one:g} mm" for one in DEPTHS_MM)
-        + " |\n|---|---:|"
-        + "---:|" * 6
-        + "\n"
-    )
-    (FOLDER / "force_table.md").write_text(head + "\n".join(force_rows()) + "\n", encoding="utf-8")
-    head = "| object | mm | model N | MuJoCo N | contacts |\n|---|---:|---:|---:|---:|\n"
-    (FOLDER / "objects_table.md").write_text(head + "\n".join(object_rows()) + "\n", encoding="utf-8")
-    for name in ("force_table.md", "objects_table.md"):
-        print((FOLDER / name).read_text(encoding="utf-8"))
+    write_tables(PAGE, "tests/validation/scene/contact_table.py", TABLES, sys.argv[1:])

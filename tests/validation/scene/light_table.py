@@ -1,7 +1,7 @@
 """Frames of a pad in MuJoCo against its light, and where trained models see a ball in the scene.
 
-    python -m tests.validation.scene.light_table     writes light_table.md and ball_table.md; needs the map of light of
-                                                     `optopad scene piacenza2017-pad --fit`; some minutes
+    python -m tests.validation.scene.light_table     writes the tables of docs/validation/scene.md; needs the map of
+                                                     light of `optopad scene piacenza2017-pad --fit`; minutes
 
 Objects are held in the scene at a place and a depth. The pad's readings without noise are compared with the light of
 `optopad press` of the same object, traced at the accuracy "standard" with another seed; the tip also with the light of
@@ -33,8 +33,9 @@ from optopad.sims.learning.inference.model_file import load_model
 from optopad.sims.optics import trace
 from optopad.sims.robot.fast_light import FastLight, fast_light, together
 from optopad.sims.robot.poses import posed
+from tests.validation.contact.contact_table import markdown_table, write_tables
 
-FOLDER = Path(__file__).parent
+PAGE = Path(__file__).parents[3] / "docs" / "validation" / "scene.md"
 PAD, SEED = "piacenza2017-pad", 977
 OBJECTS = (
     "sphere,radius=3",
@@ -90,7 +91,7 @@ class Held:
         return light.ratios(together(each))[0]
 
 
-def light_rows() -> list[str]:
+def light_rows() -> list[list[str]]:
     """A row for each object: errors of the readings at each depth over places, and over the change of the readings."""
     design = optopad.load(PAD)
     draft, light = Draft.of(design), fast_light(design)
@@ -118,15 +119,14 @@ def light_rows() -> list[str]:
                     np.split(off, len(DEPTHS_MM)), np.split(truth, len(DEPTHS_MM)), strict=True
                 )
             ]
-            found.append(f"| {text} | {name} | " + " | ".join(by_depth) + " |")
-            print(found[-1], flush=True)
+            found.append([text, name, *by_depth])
     return found
 
 
 BALLS, TOUCH_MM = 200, (0.5, 1.0, 2.0)
 
 
-def ball_rows(folder: Path) -> list[str]:
+def ball_rows(folder: Path) -> list[list[str]]:
     """A row for each learner and depth: median errors of location in its own data, and in the scene [mm]."""
     design = optopad.load(PAD)
     scene = Held(design, "sphere,radius=3")
@@ -154,10 +154,14 @@ def ball_rows(folder: Path) -> list[str]:
                 off.append(float(np.hypot(*(touch.press_mm[:2] - (x, y)))) if touch.is_touched else np.nan)
             median = float(np.nanmedian(off))
             there = own[depth]
-            found.append(
-                f"| {model.header.kind} | {depth:g} | {there:.2f} | {median:.2f} | {median / there:.2f} | {missed} |"
-            )
-            print(found[-1], flush=True)
+            cells = [
+                model.header.kind,
+                f"{depth:g}",
+                f"{there:.2f}",
+                f"{median:.2f}",
+                f"{median / there:.2f}",
+            ]
+            found.append([*cells, f"{missed}"])
     return found
 
 
@@ -171,19 +175,6 @@ def own_errors_mm(file: Path, folder: Path) -> dict[float, float]:
         assert row["depth_mm"] == depth
         found[depth] = row["found_location_mm"]["median"]
     return found
-
-
-HEADS = {
-    "light": ("object", "against", *(f"{depth:g} mm" for depth in DEPTHS_MM)),
-    "ball": ("learner", "depth mm", "own error mm", "in the scene mm", "ratio", "not found"),
-}
-
-
-def written(name: str, rows: list[str]) -> None:
-    """Write a table."""
-    head = HEADS[name]
-    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head), *rows]
-    (FOLDER / f"{name}_table.md").write_text("\n".join(lines) + "\n")
 
 
 def models_in(folder: Path) -> None:
@@ -215,10 +206,30 @@ def _run(*words: object) -> str:
     ).stdout
 
 
-if __name__ == "__main__":
-    written("light", light_rows())
+def kinds() -> str:
+    """The errors of the stored map, by kind of object."""
+    light = fast_light(optopad.load(PAD))
+    print(f"{light.states} states")
+    rows = [[kind, f"{100 * error:.2g}"] for kind, error in light.errors.items()]
+    return markdown_table(["kind of object", "error %"], rows)
+
+
+def light() -> str:
+    """The table of objects in the scene."""
+    return markdown_table(["object", "against", *(f"{depth:g} mm %" for depth in DEPTHS_MM)], light_rows())
+
+
+def ball() -> str:
+    """The table of trained models."""
     with tempfile.TemporaryDirectory() as place:
-        folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(place)
-        if len(sys.argv) == 1:
-            models_in(folder)
-        written("ball", ball_rows(folder))
+        models_in(Path(place))
+        rows = ball_rows(Path(place))
+    head = ["learner", "depth mm", "own error mm", "in the scene mm", "ratio", "not found"]
+    return markdown_table(head, rows)
+
+
+TABLES = {"kinds": kinds, "light": light, "ball": ball}
+
+
+if __name__ == "__main__":
+    write_tables(PAGE, "tests/validation/scene/light_table.py", TABLES, sys.argv[1:])
