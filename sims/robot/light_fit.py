@@ -227,5 +227,12 @@ def _errors(
     square = np.square(light.ratios(imprint).reshape(len(ratios), -1) - ratios)
     own = np.array(kinds)
     found = {kind: float(np.sqrt(square[own == kind].mean())) for kind in SHARES}
-    tip = float(np.sqrt(np.square(measured_error(draft.design, known).of_ratio(known.untouched)).mean()))
-    return {TIP: tip, **found, "all": float(np.sqrt(square.mean()))}
+    return {TIP: _tip_error(draft.design, light, known), **found, "all": float(np.sqrt(square.mean()))}
+
+
+def _tip_error(design: SensorDesign, light: FastLight, known: SignalMap) -> float:
+    """The same of the spline of the tip, at presses as deep as the map of light covers."""
+    checked = measured_error(design, known)
+    rows = checked.press_mm[:, 2] <= light.deepest_mm
+    off = (checked.found - checked.truth)[rows].reshape(int(rows.sum()), -1) / known.untouched
+    return float(np.sqrt(np.square(off).mean()))
