@@ -44,6 +44,7 @@ too. What a press leaves (`noise.release_residue`) follows the deepest frame of 
 from __future__ import annotations
 
 import math
+import operator
 import os
 import warnings
 from contextlib import ExitStack
@@ -73,7 +74,7 @@ from optopad.fabrication.scene.touching import PadTop, Touching
 from optopad.fabrication.scene.unit_light import drawn_design, unit_light
 from optopad.sims.readings.readout import readout_of
 from optopad.sims.readings.signal_chain import SignalChain, chain_of
-from optopad.sims.robot.fast_light import Imprint, fast_light, load_fast_light, together
+from optopad.sims.robot.fast_light import Imprint, light_of, require_light_of, together
 
 if TYPE_CHECKING:
     from mujoco import MjData, MjModel
@@ -167,7 +168,9 @@ class SimulatedPad:
         self._chain, self.config = _electronics(design, self._light.untouched)
         self.unit = design
         if build is not None:
-            self.unit = drawn_design(design, build) if isinstance(build, int) else build
+            self.unit = (
+                build if isinstance(build, SensorDesign) else drawn_design(design, operator.index(build))
+            )
             self._light = unit_light(self._light, design, self.unit)
             self._chain, _ = _electronics(self.unit, self._light.untouched)
         raised_mm = _thickness_mm(self.unit) - _thickness_mm(design)
@@ -205,6 +208,12 @@ class SimulatedPad:
 
         It is called by itself when `data.time` goes back. Call it after objects were moved without a step of time.
         """
+        if self._recorders and self._next:
+            self._warn(
+                "recording: the scene was reset, so its time and that of noted presses begin again; record each "
+                "episode in a file of its own"
+            )
+        self._top.forget()
         self._looks: list[_Look] = []
         self._known: _Look | None = None
         self._begin_s: float | None = None
@@ -407,7 +416,9 @@ class SimulatedPad:
                     "rim or walls; the frames show nothing of it"
                 )
             found.append(own.among([k for k, _ in rows], len(many)))
-        return together(found)
+        deepest_mm = np.maximum.reduce([one.deepest_mm for one in found])
+        limited = together([one.limited(self._light.deepest_mm) for one in found])
+        return replace(limited, deepest_mm=deepest_mm)
 
     def _warn(self, text: str) -> None:
         """Warn once of each kind of limit; the first words tell the kinds apart."""
@@ -489,15 +500,8 @@ class _LatestFrames:
 
 
 def _light_of(design: SensorDesign, light: PadLight | str | os.PathLike[str] | None) -> PadLight:
-    if light is None or isinstance(light, str | os.PathLike):
-        found: PadLight = fast_light(design) if light is None else load_fast_light(light)
-    else:
-        found = light
-    if found.digest != design.digest:
-        raise InputError(
-            f"light: of design {found.digest[:8]}, the pad's is {design.digest[:8]}; run `optopad scene DESIGN --fit` "
-            "on the pad's design"
-        )
+    found = light_of(design, light) if light is None or isinstance(light, str | os.PathLike) else light
+    require_light_of(design, found.digest)
     return found
 
 

@@ -2,7 +2,7 @@
 
 A geom of any body counts while MuJoCo reports its contact with the pad's top: spheres, capsules, ellipsoids, cylinders,
 boxes, planes, and meshes by their convex hull, as MuJoCo's collisions take them. Height fields, signed distance fields
-and flexible bodies have no shape here; the first of each kind is named in a warning.
+and flexible bodies have no shape here; the first one is named in a warning.
 
 Positions are those of the latest kinematics. After `mj_step` MuJoCo's own are of the beginning of that step, as are its
 sensors'; `mj_forward` renews them.
@@ -117,10 +117,14 @@ class PadTop:
             )
         model.body_pos[model.geom_bodyid[self._geom]] = 0.0, 0.0, raised_mm / MM_PER_M
         self._raised_mm = np.array([0.0, 0.0, raised_mm])
-        self._shapes: dict[int, Shape | None] = {}
-        bounds_mm = model.geom_rbound * MM_PER_M  # 0 for planes, which have none
-        self._reach_mm = np.where(bounds_mm > 0.0, np.minimum(bounds_mm, REACH_MM), REACH_MM).tolist()
         self._has_warned = False
+        self.forget()
+
+    def forget(self) -> None:
+        """Read the shapes of geoms anew, because the model's sizes may have changed."""
+        self._shapes: dict[int, Shape | None] = {}
+        bounds_mm = self._model.geom_rbound * MM_PER_M  # 0 for planes, which have none
+        self._reach_mm = np.where(bounds_mm > 0.0, np.minimum(bounds_mm, REACH_MM), REACH_MM).tolist()
 
     def touching(self, data: MjData) -> Touching:
         """The objects that touch the pad now."""

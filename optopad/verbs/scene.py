@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 
 from optopad.cli.verb import Asked, verb
+from optopad.design.errors import InputError
 from optopad.design.progress import OnStep
 from optopad.design.rules.check import require_valid
 from optopad.design.spec import SensorDesign
@@ -44,7 +46,8 @@ def scene(
     if fit:
         light = fit_fast_light(design, seed=seed, on_step=on_step)
     elif (file := light_file(design)).is_file():
-        light = load_fast_light(file)
+        with suppress(InputError):  # a damaged map counts as none here
+            light = load_fast_light(file)
     return SceneView(
         design=design,
         fit=contact_fit(design),

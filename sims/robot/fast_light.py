@@ -169,6 +169,14 @@ class Nodes:
         x, y = (line.reshape(-1, PER_CELL).mean(axis=1) for line in (self.x_mm, self.y_mm))
         return x, y
 
+    def contain(self, places_mm: FloatArray) -> NDArray[np.bool_]:
+        """Whether the nodes nearest to places (n, 2 or more) are in the pad."""
+        steps = np.rint((places_mm[:, :2] - (self.x_mm[0], self.y_mm[0])) / self.pitch_mm)
+        shape = len(self.x_mm), len(self.y_mm)
+        is_near = ((steps >= 0.0) & (steps < shape)).all(axis=1)
+        i, j = np.where(is_near[:, None], np.nan_to_num(steps), 0.0).astype(np.int64).T
+        return np.asarray(is_near & self.inside[i * shape[1] + j])
+
     @property
     def pitch_mm(self) -> float:
         """Distance of the nodes."""
@@ -218,6 +226,7 @@ class FastLight:
             deepest = found.max(axis=1).astype(np.float64)
             return Imprint(overlap_mm=found, balls_mm=balls, deepest_mm=deepest)
         ball = self._contact_mm(centre_mm, radius_mm)
+        ball[~self.nodes.contain(ball)] = np.nan, np.nan, AWAY_MM
         return Imprint(overlap_mm=found, balls_mm=ball[:, None], deepest_mm=ball[:, 2])
 
     def ratios(self, imprint: Imprint) -> FloatArray:
@@ -389,6 +398,20 @@ def fast_light(design: SensorDesign) -> FastLight:
             "about 20 minutes on 2 cores, and the map stays in the cache"
         )
     return load_fast_light(file)
+
+
+def light_of(design: SensorDesign, file: str | os.PathLike[str] | None) -> FastLight:
+    """The map of light of a design: that of a file or, if it is None, the one in the cache."""
+    return fast_light(design) if file is None else load_fast_light(file)
+
+
+def require_light_of(design: SensorDesign, digest: str) -> None:
+    """Refuse a map of light of another design, whose digest is given."""
+    if digest != design.digest:
+        raise InputError(
+            f"light: of design {digest[:8]}, the pad's is {design.digest[:8]}; run `optopad scene DESIGN --fit` "
+            "on the pad's design"
+        )
 
 
 def load_fast_light(file: str | os.PathLike[str]) -> FastLight:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from functools import cache
 
@@ -18,7 +19,7 @@ from optopad.design.spec import SensorDesign
 from optopad.sims.optics.engine.threads import run_each
 from optopad.sims.readings.readout import readout_of
 from optopad.sims.readings.signal_chain import SignalChain, chain_of
-from optopad.sims.robot.fast_light import FastLight, Imprint, fast_light
+from optopad.sims.robot.fast_light import FastLight, Imprint, light_of, require_light_of
 from optopad.sims.robot.poses import posed
 from optopad.sims.robot.shapes import Shape
 
@@ -47,11 +48,12 @@ class Forward:
     @property
     def untouched(self) -> FloatArray:
         """Readings of the untouched pad, shape (emitters, receivers) [counts]."""
-        return np.asarray(self.light.untouched * self.chain.gains)
+        return np.asarray(np.minimum(self.light.untouched * self.chain.gains, self.chain.full_scale_counts))
 
     def presses(self, press_mm: ArrayLike, *, seed: int | None = None) -> FloatArray:
         """Readings of presses by the design's tip; x, y and depth in the cavity, shape (n, 3) [mm]."""
         given = _rows("press_mm", press_mm, 3)
+        self._require_on_pad(given)
         tip = Shape(kind="sphere", size_mm=np.array([self.light.tip_radius_mm, 0.0, 0.0]))
         x, y, depth = given.T
         top = self.light.top
@@ -62,6 +64,7 @@ class Forward:
     def objects(self, text: str, press_mm: ArrayLike, *, seed: int | None = None) -> FloatArray:
         """Readings of presses (n, 3) by an object as of `optopad press --object`, such as ``cylinder,radius=5``."""
         held, given = held_of(text), _rows("press_mm", press_mm, 3)
+        self._require_on_pad(given)
         found = [posed(held, self.light.top, (x, y), depth) for x, y, depth in given.tolist()]
         centre, turn = (np.array([one[k] for one in found]) for k in (1, 2))
         return self.poses(found[0][0], centre, turn, seed=seed)
@@ -88,6 +91,11 @@ class Forward:
             run_each(put, -(-len(centre) // AT_ONCE))
         return self._read(flux, seed)
 
+    def _require_on_pad(self, press_mm: FloatArray) -> None:
+        for row in np.flatnonzero(~self.light.nodes.contain(press_mm))[:1]:
+            x, y = press_mm[row, :2]
+            raise InputError(f"press_mm: row {row}: ({x:g}, {y:g}) mm is outside the pad; press inside")
+
     def of_imprint(self, imprint: Imprint) -> FloatArray:
         """Flux (n, emitter, receiver) of any objects, as a share of the emitted power [-]."""
         return np.asarray(self.light.untouched * self.light.ratios(imprint))
@@ -104,18 +112,19 @@ def _threads() -> ThreadpoolController:
     return ThreadpoolController()
 
 
-def forward(design: SensorDesign, light: FastLight | None = None) -> Forward:
+def forward(design: SensorDesign, light: FastLight | str | os.PathLike[str] | None = None) -> Forward:
     """The readings of a design's pad as a function of what touches it.
 
     Parameters
     ----------
-    light : map of light; if None, the one that `optopad scene DESIGN --fit` stored
+    light : map of light, or its file; if None, the one that `optopad scene DESIGN --fit` stored
 
     Raises
     ------
-    InputError : no map of light was fitted for the design.
+    InputError : no map of light was fitted for the design, or the given one is of another.
     """
-    found = fast_light(design) if light is None else light
+    found = light if isinstance(light, FastLight) else light_of(design, light)
+    require_light_of(design, found.digest)
     draft = Draft.of(design)
     readout = readout_of(draft, found.untouched, mask_of(judged_pairs(draft.cavity), draft.cavity))
     return Forward(design=design, light=found, chain=chain_of(design, readout))

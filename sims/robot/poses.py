@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
 from optopad.design.arrays import FloatArray
 from optopad.design.errors import InputError
@@ -23,8 +24,12 @@ from optopad.design.held_object import (
 )
 from optopad.design.shape.top import Top
 from optopad.sims.contact.held.bottoms import rotation
-from optopad.sims.robot.shapes import Shape, hull_of
+from optopad.sims.robot.shapes import Shape, hull_of, overlap_mm
 
+SEARCHED_MM, SEARCHED = 8.0, 65
+"""Half side of the square in which the first touch on a crown is searched [mm], and its points along a side."""
+MOST_HOLLOW = 0.02
+"""Share of its hull's volume that a mesh may lack [-]."""
 ALONG_X = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
 """Rotation from a shape's axis, z, to that of a lying cylinder, x."""
 
@@ -41,8 +46,27 @@ def posed(
     held = held.model_copy(update={"yaw": held.yaw - top.frame_turn_deg})
     shape, turn, lowest_mm, offset = _standing(held)
     origin, axes = top.press_frame(*at_mm)
-    centre = origin + axes.T @ (offset + np.array([0.0, 0.0, lowest_mm - depth_mm]))
-    return shape, centre, axes.T @ turn
+    turned = axes.T @ turn
+    centre = origin + axes.T @ (offset + np.array([0.0, 0.0, lowest_mm]))
+    if not top.is_flat:
+        centre = centre + _lift_mm(shape, centre, turned, top, at_mm) * axes[2]
+    return shape, centre - depth_mm * axes[2], turned
+
+
+def _lift_mm(
+    shape: Shape, centre: FloatArray, turn: FloatArray, top: Top, at_mm: tuple[float, float]
+) -> float:
+    """How far a shape that touches a crown's tangent plane has to move out until it just touches the crown; below 0 in.
+
+    Beyond the middle of a crown the top falls away, so it is the points around the place of the press that count.
+    """
+    share = np.linspace(-1.0, 1.0, SEARCHED)
+    x, y = np.meshgrid(at_mm[0] + SEARCHED_MM * share, at_mm[1] + SEARCHED_MM * share)
+    height = top.height_mm(x, y)
+    on_top = np.isfinite(height)
+    points = np.column_stack([x[on_top], y[on_top], height[on_top]])
+    normal = top.press_frame(*at_mm)[1][2][None]
+    return float(overlap_mm(shape, centre[None], turn[None], points, normal).max())
 
 
 def _standing(held: HeldObject) -> tuple[Shape, FloatArray, float, FloatArray]:
@@ -58,6 +82,7 @@ def _standing(held: HeldObject) -> tuple[Shape, FloatArray, float, FloatArray]:
         return _shape("box", *half), turn, float(np.abs(turn[2]) @ half), middle
     if isinstance(held, Mesh):
         corners = held.facets.vertices_mm
+        _require_convex(held)
         return hull_of(corners), turn, -float((corners @ turn[2]).min()), middle
     if isinstance(held, Punch):
         middle = turn[:, 2] * PUNCH_LENGTH_MM / 2.0
@@ -74,6 +99,18 @@ def _standing(held: HeldObject) -> tuple[Shape, FloatArray, float, FloatArray]:
         return _shape("cylinder", held.radius, half_mm), turn, _lowest_mm(turn, held.radius, half_mm), middle
     half_mm -= held.radius
     return _shape("capsule", held.radius, half_mm), turn, abs(turn[2, 2]) * half_mm + held.radius, middle
+
+
+def _require_convex(held: Mesh) -> None:
+    corners = held.facets.vertices_mm
+    a, b, c = np.moveaxis(corners[held.facets.triangles], 1, 0)
+    volume = abs(float(np.einsum("ti,ti->", a, np.cross(b, c)))) / 6.0
+    missing = 1.0 - volume / ConvexHull(corners).volume
+    if missing > MOST_HOLLOW:
+        raise InputError(
+            f"object: {held.words} lacks {missing:.0%} of its convex hull; the map of light for simulation knows "
+            "convex objects: divide the mesh into convex parts"
+        )
 
 
 def _lowest_mm(turn: FloatArray, radius_mm: float, half_mm: float) -> float:

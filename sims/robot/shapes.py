@@ -22,6 +22,9 @@ Reals = NDArray[np.floating[Any]]
 """Real numbers in single or double precision; results have that of the points."""
 
 KINDS = ("sphere", "ellipsoid", "cylinder", "capsule", "box", "hull")
+PLANES_AT_ONCE = 64
+FLAT_MM = 1e-4
+"""Thickness below which a hull encloses nothing [mm]: the rounding of a mesh in single precision."""
 PARALLEL = 1e-9
 """Component of a direction below which a line counts as parallel to a side or an axis [-]."""
 
@@ -63,9 +66,9 @@ def hull_of(points_mm: Reals) -> Shape:
     ------
     InputError : the points are fewer than four, or lie in a plane.
     """
-    if len(points_mm) < 4 or np.linalg.matrix_rank(points_mm - points_mm[0], tol=1e-9) < 3:
+    if len(points_mm) < 4 or np.linalg.matrix_rank(points_mm - points_mm[0], tol=FLAT_MM) < 3:
         raise InputError(f"hull: {len(points_mm)} points in a plane enclose nothing; give a solid's corners")
-    equations = np.unique(np.round(ConvexHull(points_mm).equations, 9), axis=0)
+    equations = np.unique(np.round(ConvexHull(points_mm).equations, 6), axis=0)
     planes = np.column_stack([equations[:, :3], -equations[:, 3]])
     return Shape(kind="hull", size_mm=np.zeros(3), planes=planes)
 
@@ -156,12 +159,15 @@ def _hull(shape: Shape, start: Reals, way: Reals) -> Span:
     assert shape.planes is not None
     first: Reals = np.full(start.shape[1:], -np.inf, start.dtype)
     last: Reals = np.full(start.shape[1:], np.inf, start.dtype)
-    for x, y, z, distance in shape.planes.tolist():
-        slope = x * way[0] + y * way[1] + z * way[2]
+    planes = shape.planes.astype(start.dtype)
+    for some in np.array_split(planes, -(-len(planes) // PLANES_AT_ONCE)):
+        slope = np.tensordot(some[:, :3], way, 1)
         slope = np.where(np.abs(slope) < PARALLEL, PARALLEL, slope)
-        cut = (distance - x * start[0] - y * start[1] - z * start[2]) / slope
-        np.maximum(first, np.where(slope < 0.0, cut, -np.inf), out=first)
-        np.minimum(last, np.where(slope < 0.0, np.inf, cut), out=last)
+        cut = np.tensordot(some[:, :3], start, 1)
+        np.subtract(some[:, 3].reshape(-1, *[1] * (start.ndim - 1)), cut, out=cut)
+        cut /= slope
+        np.maximum(first, np.where(slope < 0.0, cut, -np.inf).max(axis=0), out=first)
+        np.minimum(last, np.where(slope < 0.0, np.inf, cut).min(axis=0), out=last)
     return first, last
 
 

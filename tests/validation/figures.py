@@ -37,6 +37,7 @@ PARTS = (
     figures_of_uses.learning,
     figures_of_uses.memory,
     figures_of_uses.driver,
+    figures_of_uses.scene,
 )
 
 HEAD = """\

@@ -181,3 +181,19 @@ def driver() -> Iterator[Figure]:
     (presses,) = (row for row in table(page, "sensor", "false alarms") if row["frames a second"] == "1000")
     yield made(page, "slip.alarms", number(presses["false alarms"]), ".0f")
     yield made(page, "slip.minutes", number(presses["minutes"]), ".0f")
+
+
+def scene() -> Iterator[Figure]:
+    """The pad in MuJoCo against the models of contact and light."""
+    page = "docs/validation/scene.md"
+    rows = table(page, "pad", "g")
+    forces = [abs(number(cell)) for row in rows for head, cell in row.items() if "mm" in head and cell != "-"]
+    yield made(page, "scene.force", max(forces), ".1f")
+    kinds = {
+        row["kind of object"]: number(row["error %"]) for row in table(page, "kind of object", "error %")
+    }
+    yield made(page, "scene.light.tip", kinds.pop("ball like the tip"), ".2f")
+    yield made(page, "scene.light.all", kinds.pop("all"), ".1f")
+    yield made(page, "scene.light.worst", max(kinds.values()), ".1f")
+    rows = table(page, "learner", "in the scene mm")
+    yield made(page, "scene.ball", max(column(rows, "ratio")), ".2f")

@@ -6,6 +6,7 @@ from optopad.design.draft import Draft
 from optopad.design.errors import InputError
 from optopad.design.held_object import held_of
 from optopad.sims.contact.held.bottoms import bottom_mm
+from optopad.sims.robot.fast_light import draft_nodes
 from optopad.sims.robot.poses import posed
 from optopad.sims.robot.shapes import Shape, hull_of, overlap_mm
 
@@ -116,3 +117,26 @@ def test_on_a_crowned_top_objects_follow_the_normal():
     _, centre, _ = posed(held_of("sphere,radius=4"), top, at, 0.3)
     foot = np.array([*at, float(top.height_mm(*at))])
     np.testing.assert_allclose(centre - foot, 3.7 * top.normal(*at), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["sphere,radius=4", "ellipsoid,a=6,b=3,c=4,pitch=25", "cylinder,radius=3,length=10,pitch=8,yaw=40"],
+)
+def test_depths_on_a_crown_count_from_first_touch(text):
+    draft = Draft.of(optopad.load("fingertip-dome"))
+    top, at = draft.plan.top, (12.0, 10.0)
+    nodes = draft_nodes(draft, 0.8)
+    for depth in (0.0, 0.4):
+        shape, centre, turn = posed(held_of(text), top, at, depth)
+        found = overlap_mm(shape, centre[None], turn[None], nodes.points_mm, nodes.normals)[0][nodes.inside]
+        assert found.max() == pytest.approx(depth, abs=0.06)  # the nodes are 0.4 mm apart
+
+
+def test_a_hollow_mesh_is_refused(tmp_path):
+    trimesh = pytest.importorskip("trimesh")
+    mesh = trimesh.creation.annulus(r_min=3.0, r_max=6.0, height=4.0)
+    mesh.export(tmp_path / "ring.stl")
+    top = Draft.of(optopad.load("gripper-teensy")).plan.top
+    with pytest.raises(InputError, match=r"lacks 2\d% of its convex hull"):
+        posed(held_of(f"mesh,file={tmp_path / 'ring.stl'},units=mm"), top, (15.0, 11.0), 0.5)
