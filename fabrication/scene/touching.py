@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 MM_PER_M = 1e3
 REACH_MM = 30.0
-"""Largest distance at which a turn of an object about its centre counts: about the size of a pad."""
+"""Distance at which a turn of a plane counts: about the size of a pad."""
 CAVITY = "pad_cavity"
 """Name of the site of the cavity frame."""
 
@@ -53,7 +53,7 @@ class Touching:
     centre_mm, turn : (3,) centres and (3, 3) rotations in the cavity frame, for each; columns are the objects' axes.
         The frame of a unit with a higher top is as much higher
     pressed_mm : largest depth of its contacts by MuJoCo, for each
-    reach_mm : distance of its farthest point from its centre, at most `REACH_MM`, for each
+    reach_mm : distance of its farthest point from its centre, `REACH_MM` of a plane, for each
     """
 
     geoms: tuple[int, ...] = ()
@@ -124,7 +124,7 @@ class PadTop:
         """Read the shapes of geoms anew, because the model's sizes may have changed."""
         self._shapes: dict[int, Shape | None] = {}
         bounds_mm = self._model.geom_rbound * MM_PER_M  # 0 for planes, which have none
-        self._reach_mm = np.where(bounds_mm > 0.0, np.minimum(bounds_mm, REACH_MM), REACH_MM).tolist()
+        self._reach_mm = np.where(bounds_mm > 0.0, bounds_mm, REACH_MM).tolist()
 
     def touching(self, data: MjData) -> Touching:
         """The objects that touch the pad now."""

@@ -109,7 +109,7 @@ def long_pad() -> Contact:
 def long_press(case: PlaneCase, depth_mm: float) -> list[Line]:
     """The middle section under a long object in the long pad."""
     at = (0.5 * case.width_mm, 0.5 * LENGTH_MM)
-    with patch.object(model, "MOST_STEPS", round(LENGTH_MM / model.STEP_MM)):
+    with patch.object(model, "MOST_STEPS", round(LENGTH_MM / model.FINE.step_mm)):
         x, y = model.grid_of(long_pad(), at)
         ends = np.maximum(np.abs(y) - 0.5 * STRAIGHT_MM, 0.0) ** 2 / (2.0 * END_MM)
         found = model.held_press(long_pad(), at, section_mm(case, x)[:, None] + ends, depth_mm=depth_mm)

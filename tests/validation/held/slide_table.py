@@ -72,7 +72,7 @@ def modelled(name: str, depth_mm: float, friction: float) -> list[Modelled]:
         bottoms = 3.0 - np.sqrt(np.maximum(9.0 - x[:, None] ** 2 - y**2, 0.0))
         bottoms[np.hypot(x[:, None], y) >= 3.0] = np.inf
         return list(_states(Slide(*touched(contact, at, bottoms), depth_mm, friction), False))
-    with patch.object(model, "MOST_STEPS", round(LENGTH_MM / model.STEP_MM)):
+    with patch.object(model, "MOST_STEPS", round(LENGTH_MM / model.FINE.step_mm)):
         contact, at = long_pad(), (MIDDLE[0], 0.5 * LENGTH_MM)
         x, y = model.grid_of(contact, at)
         ends = np.maximum(np.abs(y) - 0.5 * STRAIGHT_MM, 0.0) ** 2 / (2.0 * END_MM)
