@@ -122,7 +122,7 @@ def wide_press(case: PlaneCase, depth_mm: float) -> list[Line]:
     """The section under a long object on the wide layer, repeated at the distance of the walls."""
     if case.edge_mm is not None and depth_mm > model.SHARP_SHARE * LAYER_MM:
         raise ModelScopeError("the contact ends at a steep side")
-    count = round(case.width_mm / model.STEP_MM)
+    count = round(case.width_mm / model.FINE.step_mm)
     step = case.width_mm / count
     x = step * np.arange(-(count // 2), count - count // 2, dtype=np.float64)
     compliance = wide_compliance(np.abs(2.0 * np.pi * np.fft.fftfreq(count, step)), LAYER_MM)
@@ -131,7 +131,7 @@ def wide_press(case: PlaneCase, depth_mm: float) -> list[Line]:
         return np.asarray(np.fft.ifft(np.fft.fft(load) * compliance).real)
 
     overlap = section_mm(case, x) - depth_mm
-    load, gap = contact_pressure(moved, overlap, model.SETTLED * depth_mm, np.maximum(-overlap, 0.0))
+    load, gap = contact_pressure(moved, overlap, model.FINE.settled * depth_mm, np.maximum(-overlap, 0.0))
     tall, apart = (np.repeat(one[:, None], 9, axis=1) for one in (load, np.where(load > 0.0, 0.0, gap)))
     level = model.edge_level(tall, apart, step)[:, 4]
     factor = 1.0 - model.STIFFER * depth_mm / LAYER_MM
@@ -258,7 +258,7 @@ MOVED_MM = ((0.0, 0.0), (-2.0, -1.5), (1.0, -2.0), (-1.0, 1.0))
 
 def grid_top(surface: PadSurface, at_mm: tuple[float, float], sides_mm: tuple[float, float]) -> GridTop:
     """A solved press as a grid, as fine as that of an object's press."""
-    step = max(sides_mm) / min(int(np.ceil(max(sides_mm) / model.STEP_MM)), model.MOST_STEPS)
+    step = max(sides_mm) / min(int(np.ceil(max(sides_mm) / model.FINE.step_mm)), model.MOST_STEPS)
     x, y = (step * np.arange(-1.0, np.ceil(side / step) + 2.0) for side in sides_mm)
     away = np.hypot(x[:, None] - at_mm[0], y - at_mm[1])
     return GridTop(
