@@ -115,7 +115,7 @@ class SimulatedPad:
     ----------
     model : compiled model with the pad that `optopad scene` wrote for the design
     design : the pad's design
-    name : name of the pad: "left" if it was attached with the prefix "left_"; "" for a pad without a prefix
+    name : name of the pad: "left" if it was attached with the prefix ``left_``; "" for a pad without a prefix
     light : map of the pad's light, or its file; if None, the one that `optopad scene DESIGN --fit` stored
     build : number of a unit, which is drawn within the design's tolerances and unmeasured values; or the design of a
         manufactured unit, as `optopad calibrate` writes it. Its light is traced and fitted (`unit_light`), which takes
