@@ -113,7 +113,7 @@ def test_bad_input_is_refused() -> None:
 def test_the_simple_rule_of_the_page_reaches_the_depth(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    monkeypatch.setattr("optopad.fabrication.scene.simulated_pad.fast_light", FineLight)
+    monkeypatch.setattr("optopad.sims.robot.fast_light.fast_light", FineLight)
     (program,) = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), flags=re.DOTALL)
     (tmp_path / "rule.py").write_text(program, encoding="utf-8")
     reached = sum(runpy.run_path(str(tmp_path / "rule.py"))["results"])

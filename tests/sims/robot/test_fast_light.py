@@ -156,7 +156,7 @@ def test_a_small_fit_explains_most_of_the_light_of_objects(tmp_path):
     """With a hundredth of the states of a whole fit; the light is that of objects, traced anew."""
     design = optopad.load("piacenza2017-pair")
     steps = []
-    light = fit_fast_light(design, states=300, on_step=lambda stage, share: steps.append((stage, share)))
+    light = fit_fast_light(design, states=200, on_step=lambda stage, share: steps.append((stage, share)))
     assert list(dict.fromkeys(stage for stage, _ in steps)) == ["map", "states", "fit", "check"]
     assert light.errors["ball like the tip"] < 0.01
     assert light.errors["all"] < 0.1
