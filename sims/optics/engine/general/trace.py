@@ -156,7 +156,9 @@ def _pressed(
 
 def _may_hide(pad: FormedPad, top: FormedTop) -> bool:
     """Whether a press may hide direct light: on flat tops, only if it reaches below the highest edge of a face."""
-    highest_mm = max(float((faces[:, CZ] + faces[:, HALF_V]).max()) for faces in (pad.emitters, pad.receivers))
+    highest_mm = max(
+        float((faces[:, CZ] + faces[:, HALF_V]).max()) for faces in (pad.emitters, pad.receivers)
+    )
     return bool(top.numbers[KIND] != FLAT or pad.scene.height_mm - top.numbers[DEPTH] < highest_mm)
 
 
