@@ -383,8 +383,9 @@ class SimulatedPad:
                     one.ratios, one.deepest_mm = self._known.ratios, self._known.deepest_mm
             new = [one for one in new if one.ratios is None]
         if new:
-            imprint = self._imprint([one.touching for one in new])
-            deepest_mm, most_mm = imprint.deepest_mm.tolist(), self._light.deepest_mm
+            each, most_mm = self._imprints([one.touching for one in new]), self._light.deepest_mm
+            deepest_mm = np.maximum.reduce([one.deepest_mm for one in each]).tolist()
+            imprint = together([one.limited(most_mm) for one in each])
             if max(deepest_mm) > most_mm:
                 self._warn(
                     f"an object is {max(deepest_mm):.2f} mm deep, and the map of light ends at {most_mm:.2f} mm; "
@@ -395,8 +396,8 @@ class SimulatedPad:
             self._known = new[-1]
         return [self._ones if one.ratios is None else one.ratios for one in looks]
 
-    def _imprint(self, many: list[Touching]) -> Imprint:
-        """Imprint of all objects at n times."""
+    def _imprints(self, many: list[Touching]) -> list[Imprint]:
+        """Imprint of each object at n times."""
         found = []
         for geom in sorted({geom for one in many for geom in one.geoms}):
             shape = self._top.shape(geom)
@@ -416,9 +417,7 @@ class SimulatedPad:
                     "rim or walls; the frames show nothing of it"
                 )
             found.append(own.among([k for k, _ in rows], len(many)))
-        deepest_mm = np.maximum.reduce([one.deepest_mm for one in found])
-        limited = together([one.limited(self._light.deepest_mm) for one in found])
-        return replace(limited, deepest_mm=deepest_mm)
+        return found
 
     def _warn(self, text: str) -> None:
         """Warn once of each kind of limit; the first words tell the kinds apart."""

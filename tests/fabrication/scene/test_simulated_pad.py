@@ -191,6 +191,8 @@ def test_an_object_deeper_than_the_map_of_light_counts_as_that_deep_and_is_told_
         deep = shallow.frame(press.step(1.5))  # a second warning would be an error
     unlimited = quiet_pad(press.model).frame(press.to(1.5))
     assert unlimited.normalised.min() < deep.normalised.min() < 1.0
+    shallow.reset()
+    np.testing.assert_allclose(deep.normalised, shallow.frame(press.to(1.0)).normalised, atol=0.02)
 
 
 def test_every_frame_is_recorded_although_the_program_asks_seldom(tmp_path: Path) -> None:
