@@ -167,7 +167,7 @@ def depth_findings(draft: Draft) -> Iterator[Finding]:
 
 def _crowned_layer_findings(draft: Draft) -> Iterator[Finding]:
     tip = draft.design.indenter.tip_radius_mm
-    thickest = draft.design.cavity.clear_thickness_mm + draft.design.cavity.black_thickness_mm
+    thickest = draft.design.cavity.elastic_mm
     low, high = (radii * tip for radii in CROWNED_LAYER_RANGE)
     thinnest = thinnest_elastic_mm(draft)
     if math.isnan(thinnest):

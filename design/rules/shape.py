@@ -75,7 +75,7 @@ def thinnest_elastic_mm(draft: Draft) -> float:
 
     NaN if the crown does not reach the border of the workspace.
     """
-    elastic = draft.design.cavity.clear_thickness_mm + draft.design.cavity.black_thickness_mm
+    elastic = draft.design.cavity.elastic_mm
     plan, space = draft.plan, draft.workspace
     if space.is_empty:
         return elastic
@@ -322,7 +322,7 @@ def _crowned_contact_findings(draft: Draft, plan: Plan) -> Iterator[Finding]:
         return
     fall = bend * wall**2 / (1.0 + math.sqrt(1.0 - reach**2))
     corner = draft.workspace.clamped(0.0, 0.0)
-    elastic = draft.design.cavity.clear_thickness_mm + draft.design.cavity.black_thickness_mm
+    elastic = draft.design.cavity.elastic_mm
     thinnest = float((elastic - plan.top.sag_mm(*corner)) / plan.top.normal(*corner)[2])
     if not thinnest - fall >= LEAST_RIM_SHARE * thinnest:
         yield outside_models(

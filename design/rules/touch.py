@@ -92,7 +92,7 @@ def _rim_notes(draft: Draft) -> Iterator[Finding]:
 
 def _fit_note(draft: Draft) -> Finding:
     plan, cavity = draft.plan, draft.design.cavity
-    elastic_mm = cavity.clear_thickness_mm + cavity.black_thickness_mm
+    elastic_mm = cavity.elastic_mm
     wall_mm = NEAREST_HELD * elastic_mm
     length_mm, width_mm = (size - 2.0 * wall_mm for size in (plan.length_mm, plan.width_mm))
     straight_mm = max(length_mm, width_mm) if plan.is_block else abs(length_mm - width_mm)

@@ -114,6 +114,11 @@ class Cavity(Model):
         own = ("length_mm", "width_mm") if self.diameter_mm is None else ("diameter_mm",) * 2
         return f"cavity.{own[0]}", f"cavity.{own[1]}"
 
+    @property
+    def elastic_mm(self) -> float:
+        """Thickness of both layers, which deform as one elastomer, at the highest point [mm]."""
+        return self.clear_thickness_mm + self.black_thickness_mm
+
     def wall_length_mm(self, wall: str) -> float:
         """Inner length of a straight wall [mm]; 0 if the outline does not have this wall."""
         return self.walls.get(wall, 0.0)

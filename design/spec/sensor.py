@@ -714,6 +714,11 @@ class SensorDesign(Model):
             canonical_json(self.model_dump(mode="json", exclude=parts)).encode()
         ).hexdigest()
 
+    def with_ball(self) -> Self:
+        """A copy whose tip is a ball of its tip's radius; the design itself if it is one already."""
+        ball = Indenter(tip_radius_mm=self.indenter.tip_radius_mm)
+        return self if self.indenter.shape == ball.shape else self.model_copy(update={"indenter": ball})
+
     def with_(self, **changes: Any) -> Self:
         """Return a copy with new values at dotted paths, such as ``with_(**{"cavity.clear_thickness_mm": 10})``.
 

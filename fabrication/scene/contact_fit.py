@@ -45,7 +45,6 @@ from optopad.design.arrays import FloatArray
 from optopad.design.errors import InputError
 from optopad.design.once import once
 from optopad.design.spec import SensorDesign
-from optopad.design.spec.indenter import Indenter
 from optopad.sims.contact.indentation import solved_press
 from optopad.sims.contact.scope import contact_of
 
@@ -126,10 +125,7 @@ def contact_fit(design: SensorDesign) -> ContactFit:
     ------
     ModelScopeError : the contact model does not cover the pad.
     """
-    ball = Indenter(tip_radius_mm=design.indenter.tip_radius_mm)
-    contact = contact_of(
-        design if design.indenter.shape == ball.shape else design.model_copy(update={"indenter": ball})
-    )
+    contact = contact_of(design.with_ball())
     layer_mm = contact.layer * contact.tip_radius_mm
     deepest = min(DEEPEST_MM, LAYER_SHARE * layer_mm, contact.depth_limit_mm)
     press, depths = solved_press(contact, deepest), np.geomspace(LEAST_MM, deepest, DEPTHS)

@@ -29,6 +29,7 @@ from optopad.fabrication.scene.demo import (
 from optopad.fabrication.scene.mjcf import M_PER_MM
 from optopad.fabrication.scene.pad_light import PadLight
 from optopad.fabrication.scene.simulated_pad import SimulatedPad
+from optopad.sims.robot.fast_light import light_of
 
 PAD = "left"
 SMALLEST, LARGEST = 0.24, 0.36
@@ -55,7 +56,8 @@ class GraspScene:
     """
 
     def __init__(self, design: SensorDesign, light: PadLight | str | None = None) -> None:
-        self._design, self._light = design, light
+        self._design = design
+        self._light = light_of(design, light) if light is None or isinstance(light, str) else light
         self._sizes = sizes_of(design)
         self._spec = gripper_spec(design, STRONGEST * grip_force_n(design))
         self._bodies: list[str] = []

@@ -54,10 +54,8 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from optopad.design.arrays import FloatArray, IntArray
-from optopad.design.draft import Draft
 from optopad.design.errors import InputError
 from optopad.design.recordings import signals_of, with_one_dark
-from optopad.design.shape.cavity import judged_pairs, mask_of
 from optopad.design.spec import SensorDesign
 from optopad.fabrication.driver.descriptor import Descriptor, descriptor_of
 from optopad.fabrication.driver.link.frames import US_PER_S, Frame
@@ -72,7 +70,7 @@ from optopad.fabrication.driver_file import DriverConfig
 from optopad.fabrication.scene.pad_light import PadLight
 from optopad.fabrication.scene.touching import PadTop, Touching
 from optopad.fabrication.scene.unit_light import drawn_design, unit_light
-from optopad.sims.readings.readout import readout_of
+from optopad.sims.readings.protocol import untouched_readout
 from optopad.sims.readings.signal_chain import SignalChain, chain_of
 from optopad.sims.robot.fast_light import Imprint, light_of, require_light_of, together
 
@@ -173,7 +171,7 @@ class SimulatedPad:
             )
             self._light = unit_light(self._light, design, self.unit)
             self._chain, _ = _electronics(self.unit, self._light.untouched)
-        raised_mm = _thickness_mm(self.unit) - _thickness_mm(design)
+        raised_mm = self.unit.cavity.elastic_mm - design.cavity.elastic_mm
         self._top = PadTop(model, name, design.digest, raised_mm=raised_mm, stiffness=stiffness)
         if design.noise.wall_unbonded_share:
             self._warn("noise.wall_unbonded_share is not simulated; the walls stay bonded")
@@ -504,14 +502,9 @@ def _light_of(design: SensorDesign, light: PadLight | str | os.PathLike[str] | N
     return found
 
 
-def _thickness_mm(design: SensorDesign) -> float:
-    return design.cavity.clear_thickness_mm + design.cavity.black_thickness_mm
-
-
 def _electronics(design: SensorDesign, untouched: FloatArray) -> tuple[SignalChain, DriverConfig]:
     """Signal chain and driver configuration of a unit with this light of the untouched pad."""
-    draft = Draft.of(design)
-    readout = readout_of(draft, untouched, mask_of(judged_pairs(draft.cavity), draft.cavity))
+    readout = untouched_readout(design, untouched)
     gains = readout.of_each(untouched.shape[1])
     chain = chain_of(design, readout)
     noise = chain.noise.model_copy(update={"quantised": True})  # a board sends whole counts

@@ -1,6 +1,6 @@
 """The light of one manufactured unit, from the map of light of its design and some traced states of the unit.
 
-A unit differs from its design by the tolerances of its manufacture and by the values that nobody has measured
+A unit differs from its design by manufacturing tolerances and by unmeasured values
 (`optopad.design.spec.tolerances`). A map of light of its own would take as long as that of the design. Here the unit's
 untouched light is traced, and `STATES` states of all kinds of objects (`optopad.sims.robot.light_states`) in both the
 unit and the design, with equal random shifts. The ratios r of the unit's light differ from those of the map r₀ by
@@ -139,7 +139,9 @@ def unit_light(light: PadLight, design: SensorDesign, unit: SensorDesign, *, see
     try:
         return _fitted(light, *_traced(light, design, unit, seed))
     except OptopadError as err:
-        raise InputError(f"build: the models do not cover this unit: {err}; draw another one") from err
+        raise InputError(
+            f"build: the models do not cover this unit: {err}; draw another one, or correct its design"
+        ) from err
 
 
 def unit_parts(design: SensorDesign) -> tuple[int, int]:

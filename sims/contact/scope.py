@@ -104,7 +104,7 @@ class Contact:
         ModelScopeError : the thickness is outside the modelled range
         """
         cavity, radius = self.design.cavity, self.tip_radius_mm
-        depth = cavity.clear_thickness_mm + cavity.black_thickness_mm
+        depth = cavity.elastic_mm
         if at_mm is not None:
             top = self.draft.plan.top
             depth = float((depth - top.sag_mm(*at_mm)) / top.normal(*at_mm)[2])

@@ -473,5 +473,5 @@ def draft_nodes(draft: Draft, cell_mm: float) -> Nodes:
         points_mm=np.column_stack([places, np.where(inside, height, plan.top.clear_mm)]),
         normals=np.array([[0.0, 0.0, 1.0]]) if plan.top.is_flat else normals,
         inside=inside,
-        thickness_mm=cavity.clear_thickness_mm + cavity.black_thickness_mm,
+        thickness_mm=cavity.elastic_mm,
     )

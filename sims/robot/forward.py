@@ -11,13 +11,11 @@ from numpy.typing import ArrayLike
 from threadpoolctl import ThreadpoolController
 
 from optopad.design.arrays import FloatArray
-from optopad.design.draft import Draft
 from optopad.design.errors import InputError
 from optopad.design.held_object import held_of
-from optopad.design.shape.cavity import judged_pairs, mask_of
 from optopad.design.spec import SensorDesign
 from optopad.sims.optics.engine.threads import run_each
-from optopad.sims.readings.readout import readout_of
+from optopad.sims.readings.protocol import untouched_readout
 from optopad.sims.readings.signal_chain import SignalChain, chain_of
 from optopad.sims.robot.fast_light import FastLight, Imprint, light_of, require_light_of
 from optopad.sims.robot.poses import posed
@@ -125,9 +123,8 @@ def forward(design: SensorDesign, light: FastLight | str | os.PathLike[str] | No
     """
     found = light if isinstance(light, FastLight) else light_of(design, light)
     require_light_of(design, found.digest)
-    draft = Draft.of(design)
-    readout = readout_of(draft, found.untouched, mask_of(judged_pairs(draft.cavity), draft.cavity))
-    return Forward(design=design, light=found, chain=chain_of(design, readout))
+    chain = chain_of(design, untouched_readout(design, found.untouched))
+    return Forward(design=design, light=found, chain=chain)
 
 
 def _rows(name: str, given: ArrayLike, columns: int) -> FloatArray:

@@ -25,7 +25,6 @@ from optopad.design.files import made_folder
 from optopad.design.progress import OnShare, OnStep, silent
 from optopad.design.rules.touch import LARGEST_HELD_SHARE
 from optopad.design.spec import SensorDesign
-from optopad.design.spec.indenter import Indenter
 from optopad.sims.held import require_traced
 from optopad.sims.learning.inference.signal_map import TensorSpline, fitted_spline
 from optopad.sims.learning.traced_map import SignalMap, measured_error, traced_map
@@ -82,11 +81,7 @@ def fit_fast_light(
     require_traced(draft, "robot")
     file = light_file(design)
     made_folder(file.parent, "name another one by OPTOPAD_CACHE")
-    ball = Indenter(tip_radius_mm=design.indenter.tip_radius_mm)
-    with_ball = (
-        design if design.indenter.shape == ball.shape else design.model_copy(update={"indenter": ball})
-    )
-    known = traced_map(with_ball, seed=seed, on_step=on_step)
+    known = traced_map(design.with_ball(), seed=seed, on_step=on_step)
     light = _without_weights(draft, known)
     source = StateSource(draft, light, seed)
     _, imprint, ratios = traced_ratios(
@@ -95,7 +90,7 @@ def fit_fast_light(
     motions = [one for one in (_motion(light.nodes, each) for each in symmetries_of(scene_of(design))) if one]
     weights = _weights(light, motions, imprint, ratios, lambda share: on_step("fit", share))
     light = replace(light, weights=weights, states=states)
-    light = replace(light, errors=_errors(draft, light, known, with_ball, source, states, seed, on_step))
+    light = replace(light, errors=_errors(draft, light, known, source, states, seed, on_step))
     light.save(file)
     return light
 
@@ -213,7 +208,6 @@ def _errors(
     draft: Draft,
     light: FastLight,
     known: SignalMap,
-    with_ball: SensorDesign,
     source: StateSource,
     states: int,
     seed: int,
@@ -235,7 +229,11 @@ def _errors(
     square = np.square(light.ratios(imprint).reshape(len(ratios), -1) - ratios)
     own = np.array(kinds)
     found = {kind: float(np.sqrt(square[own == kind].mean())) for kind in SHARES}
-    return {TIP: _tip_error(with_ball, light, known), **found, "all": float(np.sqrt(square.mean()))}
+    return {
+        TIP: _tip_error(draft.design.with_ball(), light, known),
+        **found,
+        "all": float(np.sqrt(square.mean())),
+    }
 
 
 def _tip_error(design: SensorDesign, light: FastLight, known: SignalMap) -> float:

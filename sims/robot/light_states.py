@@ -78,8 +78,7 @@ class StateSource:
     def __init__(self, draft: Draft, light: FastLight, seed: int) -> None:
         self._draft, self._light, self._seed = draft, light, seed
         self._plan, self._contact = draft.plan, contact_of(draft.design)
-        cavity = draft.design.cavity
-        self._thickness_mm = cavity.clear_thickness_mm + cavity.black_thickness_mm
+        self._thickness_mm = light.nodes.thickness_mm
         self._tip_mm = draft.design.indenter.tip_radius_mm
         points, nodes = light.nodes.points_mm, light.nodes
         self._wall_mm = np.where(nodes.inside, self._plan.outline.gap_mm(*points[:, :2].T), -np.inf)

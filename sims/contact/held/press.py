@@ -148,7 +148,7 @@ class Pad:
     def __init__(self, contact: Contact, at_mm: Place, fineness: Fineness = FINE) -> None:
         plan, self._settled = contact.draft.plan, fineness.settled
         cavity = contact.design.cavity
-        elastic_mm = cavity.clear_thickness_mm + cavity.black_thickness_mm - float(plan.top.sag_mm(*at_mm))
+        elastic_mm = cavity.elastic_mm - float(plan.top.sag_mm(*at_mm))
         self.thickness_mm = elastic_mm / float(plan.top.normal(*at_mm)[2])
         self.deepest_mm = LARGEST_HELD_SHARE * self.thickness_mm
         self.shear_mpa = contact.draft.modulus.value / 3.0
