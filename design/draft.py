@@ -15,11 +15,13 @@ from optopad.design.shape.outline import Outline
 from optopad.design.spec import SensorDesign
 from optopad.design.spec.layout import Placement, expand
 from optopad.design.spec.properties import (
+    SkinUse,
     absorption_db_per_cm,
     elastomer_of,
     entries_of,
     modulus,
     refractive_index,
+    skin_of,
     wall_index,
 )
 
@@ -68,6 +70,11 @@ class Draft:
     def wall_index(self) -> Quantity | None:
         """Refractive index of the material behind smooth walls [-]; None for walls that reflect diffusely."""
         return wall_index(self.design)
+
+    @cached_property
+    def skin(self) -> SkinUse | None:
+        """The skin on the top; None for a bare one."""
+        return skin_of(self.design)
 
     @cached_property
     def places(self) -> tuple[Placement, ...]:

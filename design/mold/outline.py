@@ -156,6 +156,7 @@ def outline_of(design: SensorDesign) -> MoldOutline:
             socket_of(part, mold, _frame(part, outer, wall_x, wall_y), top, bottom), fixing_holes, mold
         )
         for part in cavity.parts
+        if not part.is_on_floor
     )
     collars: tuple[Collar, ...] = ()
     if plan.is_block:

@@ -20,6 +20,7 @@ from optopad.design.parts import catalog
 from optopad.design.parts.catalog import CatalogEntries
 from optopad.design.parts.circuits import EMITTER_CHIPS, RECEIVER_CHIPS, BoardChip, named_chip
 from optopad.design.rules.board import board_findings, circuit_findings
+from optopad.design.rules.floor import floor_findings, skin_findings
 from optopad.design.rules.light import (
     angle_findings,
     area_findings,
@@ -128,6 +129,8 @@ def _geometry_findings(draft: Draft, counts: tuple[int, int]) -> Iterator[Findin
         yield from name_findings(cavity)
         yield from path_findings(cavity)
         yield from area_findings(cavity)
+        yield from floor_findings(draft)
+        yield from skin_findings(draft)
         yield from web_findings(draft)
         yield from mold_findings(draft)
         yield from shape_findings(draft)

@@ -34,6 +34,7 @@ from optopad.design.rules.shape import (
     thinnest_elastic_mm,
 )
 from optopad.design.shape.cavity import (
+    FLOOR_REACH,
     CavityGeometry,
     PlacedPart,
     beside_chord,
@@ -43,7 +44,7 @@ from optopad.design.shape.cavity import (
     pair_name,
 )
 from optopad.design.spec import properties
-from optopad.design.spec.layout import MAX_PER_KIND, Kind
+from optopad.design.spec.layout import FLOOR, MAX_PER_KIND, Kind
 
 SURROUND_MM = 0.1
 """Offset of additional presses around a location [mm].
@@ -91,7 +92,7 @@ def name_findings(cavity: CavityGeometry) -> Iterator[Finding]:
 def area_findings(cavity: CavityGeometry) -> Iterator[Finding]:
     """Findings about emitting or sensitive areas that are partly or wholly outside the clear layer."""
     seen: set[tuple[str, str, float]] = set()
-    for part in cavity.parts:
+    for part in (one for one in cavity.parts if not one.is_on_floor):
         key = (part.height_field, part.part_id, round(part.clear_mm, 9))
         if key not in seen:  # parts with the same key have the same finding
             seen.add(key)
@@ -101,6 +102,17 @@ def area_findings(cavity: CavityGeometry) -> Iterator[Finding]:
 def path_findings(cavity: CavityGeometry) -> Iterator[Finding]:
     """Findings about layouts without a direct light path, or with all emitters or receivers in one wall."""
     walls = {kind: sorted({p.wall for p in cavity.parts if p.kind == kind}) for kind in KINDS}
+    if all(found == [FLOOR] for found in walls.values()):
+        apart = [math.dist(e.position_mm, r.position_mm) for e in cavity.emitters for r in cavity.receivers]
+        if not direct_path_pairs(cavity).any():
+            yield error(
+                "layout",
+                "no emitter has a receiver near enough for light by way of the top",
+                value=f"{mm(min(apart))} to the nearest",
+                limit=f"at most {FLOOR_REACH:g} x cavity.clear_thickness_mm = {mm(FLOOR_REACH * cavity.clear_mm)}",
+                way_out="bring emitters and receivers nearer to each other, or thicken the clear layer",
+            )
+        return
     if not direct_path_pairs(cavity).any():
         yield error(
             "layout",

@@ -3,7 +3,7 @@
 In the cavity's coordinate system, x and y run from 0 at one corner of the cavity's bounding box to the inner length and
 width. The plane z = 0 is the bottom of the clear layer, and z = clear thickness is the undisturbed top. An optical part
 (emitter or receiver) is behind its wall: its active face is flush with the inner face of the wall, and its body extends
-outward.
+outward. Or it stands on the floor, a circuit board below the black layer: then its face is at the height of its body.
 
       z ^   rim            ......
         |  |      |        clear thickness (undisturbed top)
@@ -16,8 +16,9 @@ A `Plan` combines the pad's outline, seen from above, with its top. In a round w
 
 The module also selects the emitter-receiver pairs whose response is judged, and the location of the press for each.
 
-The chord of a pair is the straight line between its parts, seen from above. A pair has a direct path if its parts are
-in different walls. The press for a pair is at the midpoint of its chord, or at the nearest location in the workspace.
+The chord of a pair is the straight line between its parts, seen from above. A pair has a path if its parts are in
+different walls, or both on the floor and at most `FLOOR_REACH` clear layers apart: a press changes the light that goes
+by way of the top. The press for a pair is at the midpoint of its chord, or at the nearest location in the workspace.
 The pair is judged if the tip is then over the chord. Other pairs are reported but not judged: those with both parts in
 one wall, and those across a corner that no press can reach. In facing rows, all emitters are in one wall and all
 receivers in the opposite one; the judged pairs are those that face each other, the middle one first.
@@ -33,12 +34,13 @@ import numpy as np
 
 from optopad.design.arrays import BoolArray, FloatArray
 from optopad.design.errors import DesignError
+from optopad.design.fields.quantity import ROUNDING_MM
 from optopad.design.once import once
 from optopad.design.parts.catalog import Part
 from optopad.design.shape.outline import Arc, Line, Outline, Point, outline_in
 from optopad.design.shape.top import Top
 from optopad.design.spec import SensorDesign
-from optopad.design.spec.layout import OPPOSITE, Kind, Placement, angle_name, expand
+from optopad.design.spec.layout import FLOOR, OPPOSITE, Kind, Placement, angle_name, expand
 from optopad.design.spec.properties import clearance_mm, part_of
 
 NODES = 32
@@ -233,6 +235,8 @@ class PlacedPart:
     origin : dotted path of the layout entry that placed the part
     height_field : dotted path of the field that sets its height
     angle_deg : direction of its facet in a round wall; None in a straight wall
+    tilt_deg : angle between its axis and the vertical: 90 in a wall; on the floor, 0 looks up
+    coupler : name of the package that it shares with a part of the other kind, such as U1; None if it has its own
     """
 
     name: str
@@ -246,11 +250,35 @@ class PlacedPart:
     origin: str
     height_field: str
     angle_deg: float | None = None
+    tilt_deg: float = 90.0
+    coupler: str | None = None
 
     @property
     def wall(self) -> str:
-        """Name of the wall: south, east, north or west, or the direction of a facet, such as `45-degree`."""
+        """Name of the wall: south, east, north, west or floor, or a facet's direction, such as `45-degree`."""
         return self.line.name
+
+    @property
+    def is_on_floor(self) -> bool:
+        """Whether the part stands on the floor; its `line` then passes under it, outward against its direction."""
+        return self.line.name == FLOOR
+
+    @property
+    def turn_deg(self) -> float:
+        """Direction in plan in which the part looks, or in which a part that looks up is turned [deg]."""
+        return math.degrees(math.atan2(-self.line.outward[1], -self.line.outward[0])) % 360.0
+
+    @property
+    def axis(self) -> tuple[float, float, float]:
+        """Unit vector in which the face looks, into the pad."""
+        sine, cosine = self._tilt
+        return -sine * self.line.outward[0], -sine * self.line.outward[1], cosine
+
+    @property
+    def _tilt(self) -> Point:
+        """Sine and cosine of the tilt, exact for a wall and for a part that looks up."""
+        cosine, sine = _unit(self.tilt_deg)
+        return sine, cosine
 
     @property
     def half_width_mm(self) -> float:
@@ -265,18 +293,23 @@ class PlacedPart:
     @property
     def lost_share(self) -> float:
         """Share of the active area above the undisturbed surface or below the clear layer [-]."""
-        low, high = self.height_mm - self.half_height_mm, self.height_mm + self.half_height_mm
+        rise = self.half_height_mm * self._tilt[0]
+        if rise == 0.0:
+            return 0.0 if -ROUNDING_MM <= self.height_mm < self.clear_mm else 1.0
+        low, high = self.height_mm - rise, self.height_mm + rise
         inside = max(0.0, min(high, self.clear_mm) - max(low, 0.0))
         return 1.0 - inside / (high - low)
 
     @property
     def body_base_mm(self) -> float:
         """Height of the lower end of the part's body above the clear layer's bottom [mm]; may be negative."""
-        return self.height_mm - self.part.active_height_in_body_mm.value
+        return self.height_mm - _face_in_body_mm(self.part, self.tilt_deg)
 
     @property
     def body_top_mm(self) -> float:
         """Height of the upper end of the part's body above the clear layer's bottom [mm]."""
+        if self.tilt_deg == 0.0:
+            return self.height_mm
         return self.body_base_mm + self.part.body_height_mm.value
 
     @property
@@ -326,6 +359,11 @@ class CavityGeometry:
         return self.emitters + self.receivers
 
     @property
+    def on_floor(self) -> tuple[PlacedPart, ...]:
+        """The placed parts on the floor, emitters first."""
+        return tuple(part for part in self.parts if part.is_on_floor)
+
+    @property
     def volume_mm3(self) -> float:
         """Volume of the cavity up to the undisturbed top, both layers, without sockets [mm3]."""
         plan = self.plan
@@ -350,7 +388,9 @@ def cavity_of(design: SensorDesign) -> CavityGeometry:
     bare, parts = plan_of(design), dict[tuple[str, Kind], Part]()
     placed = tuple(_placed(design, place, bare, parts) for place in expand(design.layout, size))
     return CavityGeometry(
-        plan=plan_with(design, [part.line for part in placed if part.line not in bare.walls]),
+        plan=plan_with(
+            design, [part.line for part in placed if part.line not in bare.walls and not part.is_on_floor]
+        ),
         black_mm=size.black_thickness_mm,
         emitters=tuple(part for part in placed if part.kind == "emitter"),
         receivers=tuple(part for part in placed if part.kind == "receiver"),
@@ -398,6 +438,8 @@ def _placed(
         except DesignError as err:
             raise DesignError(f"{part_field(place)}: {err}") from None
     part = parts[part_id, place.kind]
+    if place.at_mm is not None:
+        return _standing(design, place, bare, part_id, part)
     line, along = next((wall for wall in bare.walls if wall.name == place.wall), None), place.along_mm
     if line is None:
         half = part_half_width_mm(design, place)[0]
@@ -408,7 +450,7 @@ def _placed(
         kind=place.kind,
         line=line,
         along_mm=along,
-        height_mm=section.height_mm if place.height_mm is None else place.height_mm,
+        height_mm=place.height_mm or section.height_mm or math.nan,
         part_id=part_id,
         part=part,
         clear_mm=_top_over_mm(bare, line, along, part.active_width_mm.value / 2),
@@ -418,19 +460,66 @@ def _placed(
     )
 
 
+def _standing(design: SensorDesign, place: Placement, bare: Plan, part_id: str, part: Part) -> PlacedPart:
+    """A part on the floor. By default its body stands on the board, at the bottom of the black layer."""
+    assert place.at_mm is not None
+    cosine, sine = _unit(place.turn_deg)
+    line = Line(
+        name=FLOOR, origin=place.at_mm, tangent=(-sine, cosine), outward=(-cosine, -sine), length_mm=0.0
+    )
+    rests = _face_in_body_mm(part, place.tilt_deg) - design.cavity.black_thickness_mm
+    reach = max(part.active_width_mm.value, part.active_height_mm.value) / 2
+    corners = [line.point(a, b) for a in (-reach, reach) for b in (-reach, reach)]
+    inside = [bare.top_mm(*corner) for corner in corners if bare.contains(*corner)]
+    return PlacedPart(
+        name=place.name,
+        kind=place.kind,
+        line=line,
+        along_mm=0.0,
+        height_mm=rests if place.height_mm is None else place.height_mm,
+        part_id=part_id,
+        part=part,
+        clear_mm=min(inside, default=bare.clear_mm),
+        origin=place.origin,
+        height_field="cavity.black_thickness_mm" if place.height_mm is None else f"{place.origin}.height_mm",
+        tilt_deg=place.tilt_deg,
+        coupler=None if place.coupler is None else f"U{place.coupler}",
+    )
+
+
+def _face_in_body_mm(part: Part, tilt_deg: float) -> float:
+    """Height of the active area's centre above the lowest point of a part's body, about, at a tilt [mm].
+
+    Exact for a part that looks up, which lies on its back, and for one that looks level, which stands.
+    """
+    cosine, sine = _unit(tilt_deg)
+    return cosine * part.body_depth_mm.value + sine * part.active_height_in_body_mm.value
+
+
 def _top_over_mm(bare: Plan, line: Line, along_mm: float, half_width_mm: float) -> float:
     """Height of the untouched top over an active area, the lower of the values at both ends [mm]."""
     return min(bare.top_mm(*line.point(along_mm + side)) for side in (-half_width_mm, half_width_mm))
 
 
+FLOOR_REACH = 4.0
+"""Largest distance of two parts on the floor that count as a pair with a path [thicknesses of the clear layer].
+
+Farther apart, light that a flat top mirrors between them makes 63 degrees or more with their axes.
+"""
 FACING_TOLERANCE_MM = 1e-6
 """Parts in opposite walls face each other if their positions along the walls differ by at most this [mm]."""
 
 
 def direct_path_pairs(cavity: CavityGeometry) -> BoolArray:
-    """Whether the parts of each pair are in different walls, (emitter, receiver)."""
+    """Whether the parts of each pair are in different walls, or near on the floor, (emitter, receiver)."""
+    reach = FLOOR_REACH * cavity.clear_mm
+
+    def is_near(e: PlacedPart, r: PlacedPart) -> bool:
+        return math.dist(e.position_mm[:2], r.position_mm[:2]) <= reach if e.is_on_floor else False
+
     return np.array(
-        [[e.wall != r.wall for r in cavity.receivers] for e in cavity.emitters], dtype=np.bool_
+        [[e.wall != r.wall or is_near(e, r) for r in cavity.receivers] for e in cavity.emitters],
+        dtype=np.bool_,
     ).reshape(len(cavity.emitters), len(cavity.receivers))
 
 

@@ -4,7 +4,7 @@ The package imports only `optopad.design.parts`, `optopad.design.fields` and mod
 """
 
 from optopad.design.spec.indenter import Indenter
-from optopad.design.spec.pad import Cavity, Crown
+from optopad.design.spec.pad import Cavity, Covering, Crown
 from optopad.design.spec.sensor import (
     SCHEMA_VERSION,
     BoardUse,
@@ -24,6 +24,7 @@ __all__ = [
     "SCHEMA_VERSION",
     "BoardUse",
     "Cavity",
+    "Covering",
     "Crown",
     "Elastomer",
     "Emitters",

@@ -10,10 +10,16 @@ shows the walls from above:
         |   west  |                 |  east
         |         +-----------------+
         +--> x           south
+
+A part on the floor stands on the circuit board under the pad, at x and y. Its tilt is the angle between its axis and
+the vertical: at 0 degrees it looks up, at 90 degrees level. Its turn is a direction in plan, 0 along x: where a tilted
+part looks, or how far a part that looks up is turned about its axis. A coupler is an emitter and a receiver in one
+package.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal, Self
 
@@ -33,6 +39,10 @@ AlongMm = Annotated[float, Field(gt=0.0, lt=300.0)]
 PitchMm = Annotated[float, Field(ge=0.5, le=100.0)]
 AngleDeg = Annotated[float, Field(ge=-360.0, le=360.0)]
 TURN_DEG = 360.0
+FLOOR = "floor"
+"""Name of the wall of parts that stand on the floor."""
+XMm = Annotated[float, Field(gt=0.0, lt=300.0)]
+TiltDeg = Annotated[float, Field(ge=0.0, le=90.0)]
 PartName = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,15}$")]
 
 
@@ -94,15 +104,108 @@ class PerSide(Model):
 
 
 class Single(Model):
-    """One part at a given position in a straight wall."""
+    """One part at a given position in a straight wall or on the floor."""
+
+    unsaid = ("along_mm", "x_mm", "y_mm", "tilt_deg", "turn_deg")
 
     pattern: Annotated[Literal["single"], Field(description="name of the pattern")]
     kind: Annotated[Kind, Field(description="emitter or receiver")]
-    wall: Annotated[Wall, Field(description="wall of the part")]
-    along_mm: Annotated[AlongMm, Field(description="distance from the wall's low-x or low-y corner [mm]")]
+    wall: Annotated[Wall | Literal["floor"], Field(description="wall of the part, or 'floor'")]
+    along_mm: Annotated[
+        AlongMm | None, Field(description="wall: distance from its low-x or low-y corner [mm]")
+    ] = None
+    x_mm: Annotated[XMm | None, Field(description="floor: x of its active area's centre [mm]")] = None
+    y_mm: Annotated[XMm | None, Field(description="floor: y of its active area's centre [mm]")] = None
+    tilt_deg: Annotated[
+        TiltDeg, Field(description="floor: angle of its axis to the vertical, 0 looks up")
+    ] = 0.0
+    turn_deg: Annotated[
+        AngleDeg, Field(description="floor: direction in plan in which it looks or is turned")
+    ] = 0.0
     part: Annotated[PartId | None, Field(description="catalogue part; default: the section's")] = None
     height_mm: Annotated[HeightMm | None, Field(description="height above the clear layer's bottom")] = None
     name: Annotated[PartName | None, Field(description="default: E1, E2 ... or R1, R2 ... in order")] = None
+
+    @model_validator(mode="after")
+    def _has_a_position(self) -> Self:
+        on_floor = self.wall == FLOOR
+        needed = {"x_mm": self.x_mm, "y_mm": self.y_mm} if on_floor else {"along_mm": self.along_mm}
+        missing = [name for name, value in needed.items() if value is None]
+        if missing:
+            raise ValueError(f"{missing[0]} is missing: a part in wall = '{self.wall}' needs it; add it")
+        others = ("along_mm",) if on_floor else ("x_mm", "y_mm")
+        extra = [name for name in others if getattr(self, name) is not None]
+        if not on_floor and (self.tilt_deg, self.turn_deg) != (0.0, 0.0):
+            extra.append("tilt_deg" if self.tilt_deg else "turn_deg")
+        if extra:
+            raise ValueError(
+                f"{extra[0]} does not belong to wall = '{self.wall}'; remove it"
+                + ("" if on_floor else ", or set wall = 'floor'")
+            )
+        return self
+
+
+class Grid(Model):
+    """Parts of one kind, or couplers, on the floor in rows and columns about the middle of the pad, looking up."""
+
+    unsaid = ("pitch_y_mm", "shift_x_mm", "shift_y_mm", "turn_deg", "apart_mm")
+
+    pattern: Annotated[Literal["grid"], Field(description="name of the pattern")]
+    kind: Annotated[
+        Literal["emitter", "receiver", "coupler"],
+        Field(description="emitter, receiver, or coupler: both in one package"),
+    ]
+    columns: Annotated[int, Field(ge=1, le=32, description="number of parts along x")]
+    rows: Annotated[int, Field(ge=1, le=32, description="number of parts along y")]
+    pitch_mm: Annotated[PitchMm, Field(description="distance between neighbours [mm]")]
+    pitch_y_mm: Annotated[PitchMm | None, Field(description="distance along y; default: pitch_mm")] = None
+    shift_x_mm: Annotated[float, Field(ge=-100.0, le=100.0, description="moves the grid along x [mm]")] = 0.0
+    shift_y_mm: Annotated[float, Field(ge=-100.0, le=100.0, description="moves the grid along y [mm]")] = 0.0
+    turn_deg: Annotated[
+        AngleDeg, Field(description="turns each part; couplers: from emitter to receiver")
+    ] = 0.0
+    apart_mm: Annotated[
+        PitchMm | None, Field(description="couplers: distance of the emitter's and receiver's centres [mm]")
+    ] = None
+    part: Annotated[PartId | None, Field(description="catalogue part; default: the section's")] = None
+    height_mm: Annotated[HeightMm | None, Field(description="height above the clear layer's bottom")] = None
+
+    @model_validator(mode="after")
+    def _couplers_have_both(self) -> Self:
+        if self.kind == "coupler" and self.apart_mm is None:
+            raise ValueError("apart_mm is missing: couplers need it; add the distance of their two centres")
+        if self.kind != "coupler" and self.apart_mm is not None:
+            raise ValueError("apart_mm belongs to couplers; remove it, or set kind = 'coupler'")
+        if self.kind == "coupler" and self.part is not None:
+            raise ValueError("part: a coupler has two entries; name them in emitters.part and receivers.part")
+        return self
+
+
+class Checkerboard(Model):
+    """Emitters and receivers in turn on the floor, as the squares of a chessboard, looking up."""
+
+    unsaid = ("pitch_y_mm",)
+
+    pattern: Annotated[Literal["checkerboard"], Field(description="name of the pattern")]
+    columns: Annotated[int, Field(ge=1, le=32, description="number of parts along x")]
+    rows: Annotated[int, Field(ge=1, le=32, description="number of parts along y")]
+    pitch_mm: Annotated[PitchMm, Field(description="distance between neighbours [mm]")]
+    pitch_y_mm: Annotated[PitchMm | None, Field(description="distance along y; default: pitch_mm")] = None
+    first: Annotated[Kind, Field(description="kind of the part at the lowest x and y")] = "emitter"
+
+
+class RingInside(Model):
+    """Any number of emitters and of receivers on the floor along a line inside the outline, evenly spaced."""
+
+    pattern: Annotated[Literal["ring_inside"], Field(description="name of the pattern")]
+    emitters: Annotated[int, Field(ge=0, le=64, description="number of emitters")]
+    receivers: Annotated[int, Field(ge=0, le=64, description="number of receivers")]
+    inset_mm: Annotated[
+        float, Field(gt=0.0, le=100.0, description="distance of the line from the outline [mm]")
+    ]
+    looks: Annotated[
+        Literal["up", "in", "out"], Field(description="up, or level: inward or towards the wall")
+    ] = "up"
 
 
 class DiscRing(Model):
@@ -167,11 +270,22 @@ class AtAngles(Model):
 
 
 Pattern = Annotated[
-    AlternatingRing | FacingRows | PerSide | Single | DiscRing | AtAngles | Ring,
+    AlternatingRing
+    | FacingRows
+    | PerSide
+    | Single
+    | DiscRing
+    | AtAngles
+    | Ring
+    | Grid
+    | Checkerboard
+    | RingInside,
     Field(discriminator="pattern"),
 ]
 BY_ANGLE = ("ring", "disc_ring", "at_angles")
 """Names of the patterns that are permitted in round walls."""
+ON_FLOOR = ("grid", "checkerboard", "ring_inside")
+"""Names of the patterns of parts on the floor of any outline."""
 BY_WALL = ("ring", "alternating_ring", "facing_rows", "per_side", "single")
 """Names of the patterns that are permitted in straight walls."""
 
@@ -190,6 +304,9 @@ class Placement:
     height_mm : height above the clear layer's bottom [mm]; None for the default
     part : catalogue identifier; None for the default
     origin : dotted path of the pattern that defines the part, for messages
+    at_mm : x, y of a part on the floor; None in a wall
+    tilt_deg, turn_deg : axis of a part on the floor: angle to the vertical, and direction in plan
+    coupler : number of the coupler that the part belongs to, from 1 within its pattern; None for a part of its own
     """
 
     name: str
@@ -200,6 +317,10 @@ class Placement:
     part: str | None
     origin: str
     angle_deg: float | None = None
+    at_mm: tuple[float, float] | None = None
+    tilt_deg: float = 0.0
+    turn_deg: float = 0.0
+    coupler: int | None = None
 
 
 def expand(layout: tuple[Pattern, ...], cavity: Cavity) -> tuple[Placement, ...]:
@@ -236,16 +357,26 @@ def _expand_one(pattern: Pattern, origin: str, cavity: Cavity) -> list[Placement
                 _at_angle(pattern.kind, angle, origin, pattern.height_mm, pattern.part)
                 for angle in pattern.angles_deg
             ]
+        case Grid():
+            return _grid(pattern, origin, cavity)
+        case Checkerboard():
+            return _checkerboard(pattern, origin, cavity)
+        case RingInside():
+            return _ring_inside(pattern, origin, cavity)
         case Single():
+            at = None if pattern.x_mm is None or pattern.y_mm is None else (pattern.x_mm, pattern.y_mm)
             return [
                 Placement(
                     name=pattern.name or "",
                     kind=pattern.kind,
                     wall=pattern.wall,
-                    along_mm=pattern.along_mm,
+                    along_mm=pattern.along_mm or 0.0,
                     height_mm=pattern.height_mm,
                     part=pattern.part,
                     origin=origin,
+                    at_mm=at,
+                    tilt_deg=pattern.tilt_deg,
+                    turn_deg=pattern.turn_deg,
                 )
             ]
 
@@ -398,3 +529,99 @@ def _per_side(pattern: PerSide, origin: str, cavity: Cavity) -> list[Placement]:
         for wall, count in zip(WALLS, counts, strict=True)
         for along in _row(count, cavity.wall_length_mm(wall), pattern.pitch_mm, pattern.shift_mm)
     ]
+
+
+def _on_floor(
+    kind: Kind, at_mm: tuple[float, float], origin: str, tilt_deg: float = 0.0, turn_deg: float = 0.0
+) -> Placement:
+    return Placement(
+        name="",
+        kind=kind,
+        wall=FLOOR,
+        along_mm=0.0,
+        height_mm=None,
+        part=None,
+        origin=origin,
+        at_mm=at_mm,
+        tilt_deg=tilt_deg,
+        turn_deg=turn_deg,
+    )
+
+
+def _squares(
+    pattern: Grid | Checkerboard, cavity: Cavity, shift_mm: tuple[float, float] = (0.0, 0.0)
+) -> list[tuple[float, float]]:
+    """Positions x, y of a grid, row by row from the lowest y, each from the lowest x [mm]."""
+    across = pattern.pitch_mm if pattern.pitch_y_mm is None else pattern.pitch_y_mm
+    columns = _row(pattern.columns, cavity.length_mm, pattern.pitch_mm, shift_mm[0])
+    return [(x, y) for y in _row(pattern.rows, cavity.width_mm, across, shift_mm[1]) for x in columns]
+
+
+def _grid(pattern: Grid, origin: str, cavity: Cavity) -> list[Placement]:
+    turn = math.radians(pattern.turn_deg)
+    half = (pattern.apart_mm or 0.0) / 2
+    offset = half * math.cos(turn), half * math.sin(turn)
+    kinds: tuple[tuple[Kind, float], ...] = (
+        (("emitter", -1.0), ("receiver", 1.0)) if pattern.kind == "coupler" else ((pattern.kind, 0.0),)
+    )
+    return [
+        replace(
+            _on_floor(kind, (x + side * offset[0], y + side * offset[1]), origin, turn_deg=pattern.turn_deg),
+            part=pattern.part,
+            height_mm=pattern.height_mm,
+            coupler=number if pattern.kind == "coupler" else None,
+        )
+        for number, (x, y) in enumerate(
+            _squares(pattern, cavity, (pattern.shift_x_mm, pattern.shift_y_mm)), start=1
+        )
+        for kind, side in kinds
+    ]
+
+
+def _checkerboard(pattern: Checkerboard, origin: str, cavity: Cavity) -> list[Placement]:
+    other: Kind = "receiver" if pattern.first == "emitter" else "emitter"
+    kinds: tuple[Kind, Kind] = (pattern.first, other)
+    return [
+        _on_floor(kinds[(k // pattern.columns + k % pattern.columns) % 2], at, origin)
+        for k, at in enumerate(_squares(pattern, cavity))
+    ]
+
+
+def _ring_inside(pattern: RingInside, origin: str, cavity: Cavity) -> list[Placement]:
+    kinds = interleaved(pattern.emitters, pattern.receivers)
+    looks = {"up": (0.0, 0.0), "in": (90.0, 180.0), "out": (90.0, 0.0)}
+    tilt, back = looks[pattern.looks]
+    places = []
+    for kind, share in zip(kinds, ((k + 0.5) / len(kinds) for k in range(len(kinds))), strict=True):
+        at, outward = _inside_border(cavity, pattern.inset_mm, share)
+        turn = (outward + back) % TURN_DEG if tilt else 0.0
+        places.append(_on_floor(kind, at, origin, tilt, turn))
+    return places
+
+
+def _inside_border(cavity: Cavity, inset_mm: float, share: float) -> tuple[tuple[float, float], float]:
+    """Point x, y at a share of the line inside the outline, and the outward direction there [deg].
+
+    The line runs counter-clockwise from its corner, or the end of its straight piece, at the lowest x and y.
+    """
+    length, width = (max(side - 2 * inset_mm, 0.0) for side in (cavity.length_mm, cavity.width_mm))
+    radius = min(length, width) / 2 if cavity.has_round_walls else 0.0
+    inner, arc = (length - 2 * radius, width - 2 * radius), math.pi / 2 * radius
+    left = share * (2 * sum(inner) + 4 * arc)
+    x, y, way = inset_mm + radius, inset_mm, 0.0
+    for side in range(4):
+        run, angle = inner[side % 2], math.radians(way)
+        step = min(left, run)
+        x, y = x + step * math.cos(angle), y + step * math.sin(angle)
+        if left <= run:
+            return (x, y), way - 90.0
+        left -= run
+        turned = min(left / arc, 1.0) * 90.0 if arc else 90.0
+        centre = (x - radius * math.sin(angle), y + radius * math.cos(angle))
+        out = math.radians(way + turned - 90.0)
+        x, y = centre[0] + radius * math.cos(out), centre[1] + radius * math.sin(out)
+        if left <= arc and arc:
+            return (x, y), way + turned - 90.0
+        left -= arc
+        way += 90.0
+    return (x, y), way - 90.0

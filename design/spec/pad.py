@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
-from optopad.design.fields.base import Model
+from optopad.design.fields.base import Model, PartId
 
 Wall = Literal["south", "east", "north", "west"]
 WALLS: tuple[Wall, ...] = ("south", "east", "north", "west")
@@ -156,5 +156,40 @@ class Crown(Model):
         if self.shape == "sphere" and self.axis is not None:
             raise ValueError(
                 f"axis = '{self.axis}' belongs to a cylinder; remove it, or set shape = 'cylinder'"
+            )
+        return self
+
+
+class Covering(Model):
+    """The pad's top: a skin that mirrors or scatters light, in place of the bare surface."""
+
+    unsaid = ("skin", "finish", "reflectance", "thickness_mm", "youngs_modulus_mpa", "black_outside")
+
+    skin: Annotated[PartId | None, Field(description="catalogue entry of the skin")] = None
+    finish: Annotated[
+        Literal["diffuse", "specular"] | None,
+        Field(description="diffuse: scatters in all directions; specular: mirrors; default: the skin's"),
+    ] = None
+    reflectance: Annotated[
+        float | None,
+        Field(ge=0.0, le=0.99, description="share of the light that it returns; default: the skin's"),
+    ] = None
+    thickness_mm: Annotated[
+        float | None, Field(ge=0.0, le=5.0, description="thickness of the skin; default: the skin's")
+    ] = None
+    youngs_modulus_mpa: Annotated[
+        float | None, Field(gt=0.0, le=1e5, description="Young's modulus of the skin; default: the skin's")
+    ] = None
+    black_outside: Annotated[
+        bool, Field(description="a black coat outside keeps ambient light out of the pad")
+    ] = False
+
+    @model_validator(mode="after")
+    def _has_its_light(self) -> Self:
+        missing = [name for name in ("finish", "reflectance") if getattr(self, name) is None]
+        if self.skin is None and missing:
+            raise ValueError(
+                f"{missing[0]} is missing: a skin needs its finish and its reflectance; add it, name a skin of the "
+                "catalogue (`optopad parts`), or remove [top] for a bare surface"
             )
         return self

@@ -336,4 +336,40 @@ def cheap_fields(design: SensorDesign) -> tuple[str, ...]:
         for name in ALONG
         if getattr(pattern, name, None) is not None
     )
-    return *HEIGHTS, CLEAR, *by_rule, *along
+    given = (design.emitters.height_mm, design.receivers.height_mm)
+    heights = (path for path, height in zip(HEIGHTS, given, strict=True) if height is not None)
+    return *heights, CLEAR, *by_rule, *along
+
+
+@dataclass(frozen=True, kw_only=True)
+class SkinUse:
+    """The skin on a design's top: the catalogue's values, or the design's own in their place.
+
+    Attributes
+    ----------
+    finish : diffuse (scatters in all directions) or specular (mirrors)
+    reflectance : share of the emitters' light that it returns, at any angle [-]
+    thickness_mm, youngs_modulus_mpa : its thickness [mm] and Young's modulus [MPa]; None where not given
+    """
+
+    finish: str
+    reflectance: Quantity
+    thickness_mm: Quantity | None
+    youngs_modulus_mpa: Quantity | None
+
+
+def skin_of(design: SensorDesign) -> SkinUse | None:
+    """The skin on a design's top; None for a bare one."""
+    top = design.top
+    if top is None:
+        return None
+    assert top.finish is not None
+    assert top.reflectance is not None
+    return SkinUse(
+        finish=top.finish,
+        reflectance=_measured("1", top.reflectance),
+        thickness_mm=None if top.thickness_mm is None else _measured("mm", top.thickness_mm),
+        youngs_modulus_mpa=None
+        if top.youngs_modulus_mpa is None
+        else _measured("MPa", top.youngs_modulus_mpa),
+    )

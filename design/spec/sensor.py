@@ -44,8 +44,8 @@ from optopad.design.fields.base import (
 from optopad.design.fields.validation import design_error
 from optopad.design.parts.catalog import CatalogEntries, identifiers
 from optopad.design.spec.indenter import Indenter, shape_fault
-from optopad.design.spec.layout import BY_ANGLE, BY_WALL, Pattern, expand
-from optopad.design.spec.pad import Cavity, Crown
+from optopad.design.spec.layout import BY_ANGLE, BY_WALL, FLOOR, ON_FLOOR, Pattern, expand
+from optopad.design.spec.pad import Cavity, Covering, Crown
 from optopad.design.toml_text import require_plain
 
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
@@ -399,20 +399,27 @@ class Surfaces(Model):
 class Emitters(Model):
     """Defaults of all emitters; an entry of the layout may override them."""
 
+    unsaid = ("height_mm",)
+
     part: Annotated[PartId, Field(description="catalogue entry of every emitter")]
     height_mm: Annotated[
-        float,
-        Field(gt=0.0, le=50.0, description="centre of the emitting area above the clear layer's bottom"),
-    ]
+        float | None,
+        Field(
+            gt=0.0, le=50.0, description="walls: centre of the emitting area above the clear layer's bottom"
+        ),
+    ] = None
 
 
 class Receivers(Model):
     """Defaults of all receivers; an entry of the layout may override them."""
 
+    unsaid = ("height_mm",)
+
     part: Annotated[PartId, Field(description="catalogue entry of every receiver")]
     height_mm: Annotated[
-        float, Field(gt=0.0, le=50.0, description="centre of the active area above the clear layer's bottom")
-    ]
+        float | None,
+        Field(gt=0.0, le=50.0, description="walls: centre of the active area above the clear layer's bottom"),
+    ] = None
 
 
 class ReceiverInputs(Model):
@@ -578,7 +585,7 @@ NOT_OF_SURFACE = {"name", "description", "measured", "board", "noise", "gain"}
 class SensorDesign(Model):
     """Complete specification of one sensor."""
 
-    unsaid = ("tolerances", "crown")
+    unsaid = ("tolerances", "crown", "top")
 
     schema_version: Annotated[Literal[1], Field(description="version of the file format")]
     name: Annotated[
@@ -595,6 +602,7 @@ class SensorDesign(Model):
     ] = ()
     cavity: Cavity
     crown: Annotated[Crown | None, Field(description="a convex top; absent: flat")] = None
+    top: Annotated[Covering | None, Field(description="a skin on the top; absent: bare")] = None
     mold: Mold
     elastomer: Elastomer
     surfaces: Surfaces = Surfaces()
@@ -678,15 +686,27 @@ class SensorDesign(Model):
                 )
         return self
 
+    @model_validator(mode="after")
+    def _wall_parts_have_a_height(self) -> Self:
+        for place in expand(self.layout, self.cavity):
+            section = self.emitters if place.kind == "emitter" else self.receivers
+            if place.wall != FLOOR and place.height_mm is None and section.height_mm is None:
+                raise ValueError(
+                    f"{place.kind}s.height_mm is missing: {place.name} in the {place.wall} wall needs it; add it"
+                )
+        return self
+
     def _misfit(self, pattern: Pattern) -> str | None:
         """Reason why a pattern does not fit the outline, and a pattern to use in its place; None if it fits."""
         outline, walls = self.cavity.outline, self.cavity.walls
         for place in expand((pattern,), self.cavity):
+            if place.wall == FLOOR:
+                continue
             if place.angle_deg is not None and not self.cavity.has_round_walls:
-                return f"a {outline} has no angles; use {_or_of(BY_WALL)}"
+                return f"a {outline} has no angles; use {_or_of((*BY_WALL, *ON_FLOOR))}"
             if place.angle_deg is None and place.wall not in walls:
                 have = f"wall '{place.wall}', only {_or_of(tuple(walls))}" if walls else "walls"
-                return f"a {outline} has no straight {have}; use {_or_of(BY_ANGLE)}"
+                return f"a {outline} has no straight {have}; use {_or_of((*BY_ANGLE, *ON_FLOOR))}"
         return None
 
     @property

@@ -68,7 +68,7 @@ def test_the_walk_over_the_schema_finds_its_numbers() -> None:
         "layout.0.count",
         "layout.0.pitch_mm",
     } <= paths
-    assert len(LIMITED) == 72
+    assert len(LIMITED) == 79
 
 
 def test_every_number_has_limits_but_those_that_the_board_limits() -> None:
