@@ -9,6 +9,25 @@ by its centre along the wall (x for south and north, y for east and west), its c
 the part of a patch below the top emits or receives. An emitter's flux is a fraction of the power that its *whole* area
 would emit.
 
+Faces with a pose
+-----------------
+The face of a part that stands on the floor does not lie on a wall. Its pose is the centre x, y, z, the tilt t (0 looks
+up, 90 degrees looks level) and the turn a, the plan direction in which a tilted face looks:
+
+    normal into the elastomer  (cos a sin t, sin a sin t, cos t)
+    width axis                 (-sin a, cos a, 0)
+    height axis                (-cos a cos t, -sin a cos t, sin t)
+
+The face is thin and has one side. Light that arrives from the side of the normal meets the face: a receiver counts its
+response and absorbs the light; an emitter's face absorbs or scatters it as the floor does. Light from the other side
+passes. The part's body is left out and hides no light.
+
+Skin of the top
+---------------
+A skin reflects the share `top_reflectance` of the light that arrives from inside and absorbs the rest. A specular skin
+mirrors this share, a diffuse one scatters it (Lambertian). No light passes a skin, so an object that touches its
+outside changes only the shape of the top; `tip_reflectance` then has no effect.
+
 Angular properties of a patch are tables over the cosine c to its inward normal, at nodes `np.linspace(0, 1, n)`, linear
 between them.
 
@@ -83,6 +102,7 @@ from optopad.design.shape.top import Top
 
 WALL_COLUMNS = ("x", "y", "tx", "ty", "nx", "ny")
 ARC_COLUMNS = ("x", "y", "radius", "ux", "uy", "cosine")
+POSE_COLUMNS = ("x", "y", "z", "tilt", "turn")
 WHOLE_CIRCLE = (0.0, 0.0, -1.0)
 """Stands in `PadForm.arcs` for the sector of a round wall that is a whole circle."""
 
@@ -426,6 +446,13 @@ class OpticalScene:
         `height_mm` is the height of the highest point; `length_mm` and `width_mm` are the size in plan of the box
         around the pad, which begins at 0, 0. Wall numbers are then indices into `form.walls`, which also defines
         positions of patches along the walls. The part of a patch above the untouched top is not in the scene
+    emitter_pose : (e, 5) `POSE_COLUMNS` of emitters' faces that do not lie on a wall: centre x, y, z [mm], tilt and
+        turn [rad]. A row is NaN for an emitter on a wall. For a face with a pose the wall number is -1, and the patch
+        row is 0, centre height z, half width, half height [mm]. If None, all emitters are on walls
+    receiver_pose : (r, 5) receivers' poses, as in `emitter_pose`
+    top_finish : "bare", or the finish of the opaque skin that covers the whole top: "specular" or "diffuse"
+    top_reflectance : share of the arriving light that a skin reflects [-], at every angle of incidence and wherever the
+        top is pressed; 0 for a bare top. Scenes with poses or a skin always have a `form`
     """
 
     length_mm: float
@@ -445,3 +472,7 @@ class OpticalScene:
     receiver_response: FloatArray | None = None
     wall_index: float | None = None
     form: PadForm | None = None
+    emitter_pose: FloatArray | None = None
+    receiver_pose: FloatArray | None = None
+    top_finish: str = "bare"
+    top_reflectance: float = 0.0
