@@ -143,7 +143,7 @@ def _state_s(design: SensorDesign, settings: Accuracy) -> float:
         return pairs * PAIR_S + TOP_S * area_mm2 / design.indenter.tip_radius_mm**2
     top = scene.form.top
     kind = "flat" if top.is_flat else "sphere" if top.straight is None else "cylinder"
-    pitch_mm = pitch_of(settings, windows_of(scene, "emitter"), windows_of(scene, "receiver"))
+    pitch_mm = pitch_of(settings, scene, windows_of(scene, "emitter"), windows_of(scene, "receiver"))
     return emitters * (CELL_S[kind] * area_mm2 / pitch_mm**2 + EMITTER_S)
 
 

@@ -22,6 +22,7 @@ from optopad.design.spec import SensorDesign
 from optopad.design.spec.properties import emitter_order
 from optopad.sims.optics.scene.optical_scene import (
     COSINE_NODES,
+    POSE_COLUMNS,
     WHOLE_CIRCLE,
     OpticalScene,
     PadForm,
@@ -30,7 +31,8 @@ from optopad.sims.optics.scene.optical_scene import (
     table_pattern,
 )
 
-WALLS = 4
+WALLS, POSED = 4, -1
+"""Number of a block's walls, and wall number of a face with a pose."""
 POWER_TOLERANCE = 1e-6
 """Largest deviation of a pattern's power from 1 [-]: far below the light model's bias of 0.01 %. A larger deviation
 means that the pattern was not normalised."""
@@ -61,6 +63,9 @@ def check_scene(scene: OpticalScene) -> None:
         _check_response(scene.receiver_response, len(scene.receiver_wall))
     if scene.wall_index is not None:
         _require("wall_index", scene.wall_index, 1.0, 4.0)
+    if scene.top_finish not in ("bare", "specular", "diffuse"):
+        raise InputError(f"top_finish: '{scene.top_finish}', must be bare, specular or diffuse")
+    _require("top_reflectance", scene.top_reflectance, 0.0, 0.99)
 
 
 def wanted_pairs(pairs: BoolArray | None, states: int, emitters: int, receivers: int) -> BoolArray:
@@ -98,7 +103,9 @@ def _check_patches(kind: str, walls: IntArray, patches: FloatArray, scene: Optic
         name = f"{kind}_patch[{k}]"
         if scene.form is None and wall not in range(WALLS):
             raise InputError(f"{kind}_wall[{k}]: {wall}, must be 0 to 3 (south, east, north, west)")
-        if scene.form is not None and wall not in range(len(scene.form.walls)):
+        if wall == POSED and scene.form is not None:
+            _check_pose(kind, k, scene)
+        elif scene.form is not None and wall not in range(len(scene.form.walls)):
             raise InputError(
                 f"{kind}_wall[{k}]: {wall}, must be a row of form.walls, 0 to {len(scene.form.walls) - 1}"
             )
@@ -113,11 +120,22 @@ def _check_patches(kind: str, walls: IntArray, patches: FloatArray, scene: Optic
                 f"{name}: {along - half_width:g} to {along + half_width:g} mm along a wall of {length:g} mm; "
                 "move it inward or widen the cavity"
             )
-        if z + half_height <= 0 or z - half_height >= scene.height_mm:
+        if wall != POSED and (z + half_height <= 0 or z - half_height >= scene.height_mm):
             raise InputError(
                 f"{name}: {z - half_height:g} to {z + half_height:g} mm high, nothing of it in the clear layer of "
                 f"{scene.height_mm:g} mm; change its height"
             )
+
+
+def _check_pose(kind: str, number: int, scene: OpticalScene) -> None:
+    poses = getattr(scene, f"{kind}_pose")
+    if poses is None or np.shape(poses) != (len(getattr(scene, f"{kind}_wall")), len(POSE_COLUMNS)):
+        raise InputError(f"{kind}_pose: shape {np.shape(poses)}, needs a row of {POSE_COLUMNS} per {kind}")
+    pose = poses[number]
+    if not np.isfinite(pose).all() or not 0.0 <= pose[2] < scene.height_mm:
+        raise InputError(
+            f"{kind}_pose[{number}]: {pose}; must be finite, with z from 0 to {scene.height_mm:g} mm"
+        )
 
 
 def _check_table(name: str, table: FloatArray, rows: int) -> None:
@@ -173,8 +191,9 @@ def scene_of(design: SensorDesign) -> OpticalScene:
     """
     draft = Draft.of(design)
     cavity, behind = draft.cavity, draft.wall_index
-    plan, surfaces = cavity.plan, design.surfaces
+    plan, surfaces, skin = cavity.plan, design.surfaces, draft.skin
     index = draft.refractive_index.value
+    is_block = plan.is_block and skin is None and not cavity.on_floor
     return OpticalScene(
         length_mm=cavity.length_mm,
         width_mm=cavity.width_mm,
@@ -192,7 +211,11 @@ def scene_of(design: SensorDesign) -> OpticalScene:
         emitter_pattern=_patterns(cavity.emitters),
         receiver_response=_responses(cavity.receivers, index),
         wall_index=None if behind is None else behind.value,
-        form=None if plan.is_block else form_of(plan),
+        form=None if is_block else form_of(plan),
+        emitter_pose=_poses(cavity.emitters),
+        receiver_pose=_poses(cavity.receivers),
+        top_finish="bare" if skin is None else skin.finish,
+        top_reflectance=0.0 if skin is None else skin.reflectance.value,
     )
 
 
@@ -240,7 +263,21 @@ def _sector_of(arcs: Sequence[Arc]) -> tuple[float, float, float]:
 
 def _walls(parts: tuple[PlacedPart, ...], plan: Plan) -> IntArray:
     names = [wall.name for wall in plan.walls]
-    return np.array([names.index(part.wall) for part in parts], dtype=np.int64)
+    numbers = [POSED if part.is_on_floor else names.index(part.wall) for part in parts]
+    return np.array(numbers, dtype=np.int64)
+
+
+def _poses(parts: tuple[PlacedPart, ...]) -> FloatArray | None:
+    """(n, 5) poses of the faces of parts on the floor, NaN for parts in walls; None if all are in walls."""
+    if not any(part.is_on_floor for part in parts):
+        return None
+    rows = [
+        (*part.position_mm, math.radians(part.tilt_deg), math.radians(part.turn_deg))
+        if part.is_on_floor
+        else (math.nan,) * 5
+        for part in parts
+    ]
+    return np.array(rows, dtype=np.float64)
 
 
 def _patches(parts: tuple[PlacedPart, ...]) -> FloatArray:

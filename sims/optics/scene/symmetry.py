@@ -73,12 +73,12 @@ def symmetries_of(scene: OpticalScene) -> tuple[SceneSymmetry, ...]:
     found = []
     for matrix, offset in _motions_of(scene):
         emitters = _permutation(
-            scene, scene.emitter_wall, scene.emitter_patch, _traits(scene.emitter_order, scene.emitter_pattern),
-            matrix, offset,
+            _places(scene, "emitter"), scene.emitter_patch, _traits(scene.emitter_order, scene.emitter_pattern),
+            scene.emitter_pose, matrix, offset,
         )  # fmt: skip
         receivers = _permutation(
-            scene, scene.receiver_wall, scene.receiver_patch,
-            _traits(np.zeros(len(scene.receiver_wall)), scene.receiver_response), matrix, offset,
+            _places(scene, "receiver"), scene.receiver_patch,
+            _traits(np.zeros(len(scene.receiver_wall)), scene.receiver_response), scene.receiver_pose, matrix, offset,
         )  # fmt: skip
         if emitters is not None and receivers is not None:
             found.append(
@@ -158,7 +158,7 @@ def _motions_of(scene: OpticalScene) -> list[tuple[FloatArray, FloatArray]]:
 
 def _turns_and_mirrors(scene: OpticalScene, centre_mm: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
     """Motions of a round pad that move the first emitter to any emitter's direction: turns, then reflections."""
-    away = _places(scene, scene.emitter_wall, scene.emitter_patch) - centre_mm
+    away = _places(scene, "emitter") - centre_mm
     angles = np.arctan2(away[:, 1], away[:, 0])
     turns = _distinct(angles - angles[0])
     mirrors = _distinct(angles + angles[0])
@@ -216,33 +216,58 @@ def _traits(orders: FloatArray, table: FloatArray | None) -> FloatArray:
 
 
 def _permutation(
-    scene: OpticalScene,
-    walls: IntArray,
+    places: FloatArray,
     patches: FloatArray,
     traits: FloatArray,
+    poses: FloatArray | None,
     matrix: FloatArray,
     offset: FloatArray,
 ) -> IntArray | None:
     """(part,) number of the emitter or receiver to which each one moves; None if some of them has no image."""
-    places = _places(scene, walls, patches)
+    looks = np.zeros((len(places), 2)) if poses is None else _looks(poses)
+    tilts = np.zeros(len(places)) if poses is None else np.nan_to_num(poses[:, 3], nan=-1.0)
     moved = places @ matrix.T + offset
-    rest = np.hstack([patches[:, 1:], traits])
+    turned = looks @ matrix.T
+    rest = np.hstack([patches[:, 1:], traits, tilts[:, None]])
     onto = []
     for k, place in enumerate(moved):
         near = np.abs(places - place).max(axis=1) <= SAME_PLACE_MM
         same = near & (np.abs(rest - rest[k]).max(axis=1) <= SAME_PLACE_MM)
+        apart = np.abs(looks - turned[k]).max(axis=1)
+        if (
+            tilts[k] == 0.0
+        ):  # a face that looks up is the same after half a turn, and a square one after a quarter
+            apart = np.minimum(apart, np.abs(looks + turned[k]).max(axis=1))
+            if abs(patches[k, 2] - patches[k, 3]) <= SAME_PLACE_MM:
+                quarter = turned[k, ::-1] * (-1.0, 1.0)
+                apart = np.minimum(apart, np.abs(looks - quarter).max(axis=1))
+                apart = np.minimum(apart, np.abs(looks + quarter).max(axis=1))
+        same &= apart <= SAME_WAY
         if same.sum() != 1:
             return None
         onto.append(int(np.argmax(same)))
     return np.array(onto, dtype=np.int64) if len(set(onto)) == len(onto) else None
 
 
-def _places(scene: OpticalScene, walls: IntArray, patches: FloatArray) -> FloatArray:
-    """(part, 2) positions of patches in plan [mm], which also identify their walls."""
+def _looks(poses: FloatArray) -> FloatArray:
+    """(part, 2) plan directions in which faces with a pose look or are turned; 0 for those on walls."""
+    turn = poses[:, 4]
+    return np.nan_to_num(np.column_stack([np.cos(turn), np.sin(turn)]), nan=0.0)
+
+
+def _places(scene: OpticalScene, kind: str) -> FloatArray:
+    """(part, 2) positions of the emitters or receivers in plan [mm], which also identify their walls."""
+    walls, patches = getattr(scene, f"{kind}_wall"), getattr(scene, f"{kind}_patch")
+    poses = getattr(scene, f"{kind}_pose")
     along = patches[:, 0]
     if scene.form is not None:
-        wall = np.asarray(scene.form.walls)[walls]
-        return np.asarray(wall[:, :2] + along[:, None] * wall[:, 2:4])
+        on_wall = np.zeros((len(walls), 2))
+        if len(scene.form.walls):
+            wall = np.asarray(scene.form.walls)[walls]
+            on_wall = np.asarray(wall[:, :2] + along[:, None] * wall[:, 2:4])
+        return (
+            on_wall if poses is None else np.asarray(np.where(np.isnan(poses[:, :2]), on_wall, poses[:, :2]))
+        )
     x = np.select(
         [walls == 1, walls == 3], [np.full(len(walls), scene.length_mm), np.zeros(len(walls))], along
     )

@@ -38,17 +38,20 @@ from optopad.sims.optics.engine.general.rays import (
     CZ,
     HALF_U,
     HALF_V,
-    NX,
-    NY,
     UX,
     UY,
-    WALL,
+    VX,
+    VY,
+    VZ,
     landing,
     lobe,
     mirrored,
     mirrored_unit,
+    onto,
     plan_exit,
+    returned,
     sees,
+    share_wall,
     window_point,
 )
 from optopad.sims.optics.engine.general.top import (
@@ -63,7 +66,7 @@ from optopad.sims.optics.engine.general.top import (
     top_hit,
     turn,
 )
-from optopad.sims.optics.surface.radial import fresnel, inlined, kernel
+from optopad.sims.optics.surface.radial import inlined, kernel
 
 MOST = 24
 FAINT = 1e-9
@@ -116,7 +119,7 @@ def follow_chains(
         waiting -= 1
         k = STACK + 4 * waiting
         a, b, size, level = work[k], work[k + 1], work[k + 2], int(work[k + 3])
-        x, y, z = x0 + a * size_u * e[UX], y0 + a * size_u * e[UY], z0 + b * size_v
+        x, y, z = _part_place(x0, y0, z0, a * size_u, b * size_v, e)
         near = COMES_NEAR
         if level < levels:
             near = _comes_near(x, y, z, size * max(size_u, size_v), p, size * size * element, size * size * faint,
@@ -127,7 +130,7 @@ def follow_chains(
             level = levels
         if level == levels:
             a, b = a + size * work[PLACE], b + size * work[PLACE + 1]
-            x, y, z = x0 + a * size_u * e[UX], y0 + a * size_u * e[UY], z0 + b * size_v
+            x, y, z = _part_place(x0, y0, z0, a * size_u, b * size_v, e)
         if level < levels - 1 or near == COMES_BENT or _follow(
             x, y, z, size * size_u, size * size_v, p, size * size * element, size * size * faint, row,
             level == levels, receivers, wanted, e, absorbs, index, walls, arcs, top, out, work,
@@ -171,7 +174,7 @@ def _comes_near(
         nx, ny, nz = normal_at(top, qx, qy)
         nx, ny, nz = out_of(top, nx, ny, nz)
         meets = max(dx * nx + dy * ny + dz * nz, 0.0)
-        weight *= fresnel(meets, index) * math.exp(-absorbs * t)
+        weight *= returned(meets, index) * math.exp(-absorbs * t)
         if is_skirt(top, qx, qy) or meets <= 0.0:
             return COMES_BENT if weight > BRIGHT * faint else COMES_DIM
         if weight < faint:
@@ -180,7 +183,7 @@ def _comes_near(
         x, y, z = x - 1e-7 * nx, y - 1e-7 * ny, z - 1e-7 * nz
         for j in range(receivers.shape[0]):
             r = receivers[j]
-            if not wanted[j] or r[WALL] == e[WALL]:
+            if not wanted[j] or share_wall(e, r):
                 continue
             tx, ty, tz = r[CX] - x, r[CY] - y, r[CZ] - z
             ahead = tx * dx + ty * dy + tz * dz
@@ -234,15 +237,15 @@ def _follow(
                 return True
         if ends:
             break
-        weight *= fresnel(meets, index) * math.exp(-absorbs * t)
+        weight *= returned(meets, index) * math.exp(-absorbs * t)
         if weight < faint:
             break
         dx, dy, dz = mirrored(dx, dy, dz, nx, ny, nz)
         x, y, z = x - 1e-7 * nx, y - 1e-7 * ny, z - 1e-7 * nz
         for j in range(receivers.shape[0]):
             r = receivers[j]
-            toward = dx * r[NX] + dy * r[NY]
-            if not wanted[j] or r[WALL] == e[WALL] or toward <= 1e-9:
+            toward = onto(r, dx, dy, dz)
+            if not wanted[j] or share_wall(e, r) or toward <= 1e-9:
                 continue
             u, v, ahead = landing(x, y, z, dx, dy, dz, r)
             if abs(u) > FARTHEST or abs(v) > FARTHEST:
@@ -279,9 +282,8 @@ def _follow(
                 counts *= seen
             tx, ty, tz = window_point(r, u, v)
             way = math.sqrt((tx - x) ** 2 + (ty - y) ** 2 + (tz - z) ** 2)
-            brings = sent(
-                x0 + a * size_u * e[UX], y0 + a * size_u * e[UY], z0 + b * size_v, p, e, absorbs, index
-            )
+            ax, ay, az = _part_place(x0, y0, z0, a * size_u, b * size_v, e)
+            brings = sent(ax, ay, az, p, e, absorbs, index)
             middle = sent(x0, y0, z0, p, e, absorbs, index)
             if is_pencil and middle > 0.0:
                 mean = sent_by_part(x0, y0, z0, size_u, size_v, p, e, absorbs, index)
@@ -307,8 +309,16 @@ def _side_place(
     """Start on the emitter of one of the four rays around the middle one: 0, 1 along the wall; 2, 3 above and below."""
     off = GAUSS if side % 2 == 0 else -GAUSS
     if side < 2:
-        return x0 + off * size_u * e[UX], y0 + off * size_u * e[UY], z0
-    return x0, y0, z0 + off * size_v
+        return _part_place(x0, y0, z0, off * size_u, 0.0, e)
+    return _part_place(x0, y0, z0, 0.0, off * size_v, e)
+
+
+@inlined
+def _part_place(
+    x0: float, y0: float, z0: float, along: float, up: float, e: FloatArray
+) -> tuple[float, float, float]:
+    """Point of the emitter at distances along its width and its height from a point of it [mm]."""
+    return x0 + along * e[UX] + up * e[VX], y0 + along * e[UY] + up * e[VY], z0 + up * e[VZ]
 
 
 @kernel
@@ -364,10 +374,10 @@ def _counted(
     toward, counts : cosine at which the middle ray arrives, and the share of its light that the receiver counts
     """
     k = RAYS + 3
-    t0 = work[k] * r[NX] + work[k + 1] * r[NY]
-    t1 = work[k + 6] * r[NX] + work[k + 7] * r[NY]
-    t2 = work[k + 12] * r[NX] + work[k + 13] * r[NY]
-    t3 = work[k + 18] * r[NX] + work[k + 19] * r[NY]
+    t0 = onto(r, work[k], work[k + 1], work[k + 2])
+    t1 = onto(r, work[k + 6], work[k + 7], work[k + 8])
+    t2 = onto(r, work[k + 12], work[k + 13], work[k + 14])
+    t3 = onto(r, work[k + 18], work[k + 19], work[k + 20])
     mean = 0.5 * (lobe(r, t0) + lobe(r, t1) + lobe(r, t2) + lobe(r, t3)) - counts
     here = lobe(r, toward + 0.5 / GAUSS * (a * (t0 - t1) + b * (t2 - t3)))
     return max(here + share * (mean - counts), 0.0)

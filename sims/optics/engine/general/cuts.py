@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 
 from optopad.design.arrays import FloatArray
-from optopad.sims.optics.engine.general.rays import NX, NY, UX, UY, lobe
-from optopad.sims.optics.surface.radial import fresnel, inlined, kernel
+from optopad.sims.optics.engine.general.rays import UX, UY, VX, VY, VZ, lobe, onto, returned
+from optopad.sims.optics.surface.radial import inlined, kernel
 
 GAUSS = 0.5773502691896258
 """The two nodes of Gauss' rule on the interval from -1 to 1 are at plus and minus this value."""
@@ -26,11 +26,11 @@ def sent(x: float, y: float, z: float, p: FloatArray, e: FloatArray, absorbs: fl
     dx, dy, dz = p[PX] - x, p[PY] - y, p[PZ] - z
     s2 = dx * dx + dy * dy + dz * dz
     s = math.sqrt(s2)
-    leaves = -(dx * e[NX] + dy * e[NY]) / s
+    leaves = -onto(e, dx, dy, dz) / s
     meets = (dx * p[MX] + dy * p[MY] + dz * p[MZ]) / s
     if leaves <= 0.0 or meets <= 0.0:
         return 0.0
-    return lobe(e, leaves) * leaves * meets / s2 * fresnel(meets, index) * math.exp(-absorbs * s)
+    return lobe(e, leaves) * leaves * meets / s2 * returned(meets, index) * math.exp(-absorbs * s)
 
 
 @kernel
@@ -40,12 +40,15 @@ def sent_by_part(
 ) -> float:  # fmt: skip
     """Mean of `sent` over a rectangle of the emitter, by Gauss' rule with four nodes [1/mm²].
 
-    The middle of the rectangle is (x0, y0, z0). Its half sizes are size_u along the wall and size_v in z [mm].
+    The middle of the rectangle is (x0, y0, z0), its half sizes are size_u along the width and size_v along the height
+    [mm].
     """
     total = 0.0
     for k in range(4):
         a, b = (GAUSS if k % 2 == 0 else -GAUSS) * size_u, (GAUSS if k < 2 else -GAUSS) * size_v
-        total += sent(x0 + a * e[UX], y0 + a * e[UY], z0 + b, p, e, absorbs, index)
+        total += sent(
+            x0 + a * e[UX] + b * e[VX], y0 + a * e[UY] + b * e[VY], z0 + b * e[VZ], p, e, absorbs, index
+        )
     return 0.25 * total
 
 

@@ -8,9 +8,9 @@ It is assumed that a press changes all scattered light by the same factor as lig
     S = S_0 · J / J_0,      J = Σ_p ρ_p G_p T_p / A_p
 
 S_0 is the untouched pad's scattered light (`scattered`). G_p is the light of the emitter on patch p, direct or
-mirrored by the top. T_p is the light that the receiver would send to p (reciprocity). Bottom patches are squares in
-plan. Wall patches are divided by direction from the middle of the pad and by height. The contact has `TIP_RINGS` rings
-of equal area, each in `TIP_TURNS` parts.
+mirrored by the top, or scattered by its skin. T_p is the light that the receiver would send to p (reciprocity). Bottom
+patches are squares in plan. Wall patches are divided by direction from the middle of the pad and by height. The contact
+has `TIP_RINGS` rings of equal area, each in `TIP_TURNS` parts.
 
 The rays of each emitter or receiver form batches of every n-th ray; their differences give the error.
 
@@ -28,15 +28,18 @@ from optopad.sims.optics.engine.general.rays import (
     HALF_V,
     NX,
     NY,
+    NZ,
     TOP,
     lobe,
     meeting,
+    returned,
     window_point,
 )
-from optopad.sims.optics.engine.general.scattered import FAINT, about, number, window_at
+from optopad.sims.optics.engine.general.scattered import FAINT, FIRST, about, face_before, number, window_at
 from optopad.sims.optics.engine.general.top import (
     GRID_STEP,
     PATCH,
+    SKIN,
     FormedTop,
     into,
     is_contact,
@@ -45,7 +48,7 @@ from optopad.sims.optics.engine.general.top import (
     out_of,
 )
 from optopad.sims.optics.surface.curves import CONTACT, CONTACT_PARTS
-from optopad.sims.optics.surface.radial import fresnel, kernel
+from optopad.sims.optics.surface.radial import kernel
 
 MOST_MIRRORS = 24
 RAY_BATCHES = 4
@@ -67,10 +70,12 @@ def deposit(
             window, 2.0 * number(n, 0, steps, shift) - 1.0, 2.0 * number(n, 1, steps, shift) - 1.0
         )
         cosine = math.sqrt(number(n, 2, steps, shift))
-        dx, dy, dz = about(-window[NX], -window[NY], 0.0, cosine, number(n, 3, steps, shift))
+        dx, dy, dz = about(-window[NX], -window[NY], -window[NZ], cosine, number(n, 3, steps, shift))
         weight = math.pi * lobe(window, cosine) * unit
-        for _ in range(MOST_MIRRORS):
+        for times in range(MOST_MIRRORS):
             t, what = meeting(x, y, z, dx, dy, dz, walls, arcs, top)
+            if face_before(x, y, z, dx, dy, dz, t, receivers)[1] >= 0:
+                break
             weight *= math.exp(-absorbs * t)
             x, y, z = x + t * dx, y + t * dy, z + t * dz
             if what != TOP:
@@ -87,7 +92,21 @@ def deposit(
             meets = dx * nx + dy * ny + dz * nz
             if meets <= 0.0:
                 break
-            weight *= fresnel(meets, index)
+            if top.numbers[SKIN] > 0.0:
+                weight *= top.numbers[SKIN]
+                if weight < FAINT / rays:
+                    break
+                first = FIRST + 2 * times % (steps.shape[0] - FIRST)
+                dx, dy, dz = about(
+                    -nx,
+                    -ny,
+                    -nz,
+                    math.sqrt(number(n, first, steps, shift)),
+                    number(n, first + 1, steps, shift),
+                )
+                x, y, z = x - 1e-7 * nx, y - 1e-7 * ny, z - 1e-7 * nz
+                continue
+            weight *= returned(meets, index)
             if weight < FAINT / rays:
                 break
             dx, dy, dz = dx - 2.0 * meets * nx, dy - 2.0 * meets * ny, dz - 2.0 * meets * nz

@@ -20,10 +20,10 @@ from optopad.sims.optics.engine.general.rays import (
     AREA,
     HALF_U,
     HALF_V,
-    NX,
-    NY,
+    INSIDE,
     WALL,
     lobe,
+    onto,
     sees,
     window_point,
 )
@@ -49,7 +49,7 @@ def straight_flux(
         the height of a column
     weights_e, weights_u, weights_v : weights of these nodes
     """
-    if e[WALL] == r[WALL]:
+    if e[WALL] == r[WALL] and e[WALL] > INSIDE:
         return 0.0
     total = 0.0
     for a in range(nodes_e.shape[0]):
@@ -71,8 +71,8 @@ def straight_flux(
                     dx, dy, dz = tx - x, ty - y, tz - z
                     s2 = dx * dx + dy * dy + dz * dz
                     s = math.sqrt(s2)
-                    out = -(dx * e[NX] + dy * e[NY]) / s
-                    into = (dx * r[NX] + dy * r[NY]) / s
+                    out = -onto(e, dx, dy, dz) / s
+                    into = onto(r, dx, dy, dz) / s
                     if out > 0.0 and into > 0.0:
                         column += (
                             weights_v[k]

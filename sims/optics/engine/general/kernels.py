@@ -18,6 +18,7 @@ from optopad.sims.optics.engine.general import (
     mirrored,
     rays,
     scattered,
+    skin,
     top,
 )
 from optopad.sims.optics.engine.general.cuts import POINT_COLUMNS
@@ -31,6 +32,7 @@ from optopad.sims.optics.engine.general.mirrored import (
     top_points,
 )
 from optopad.sims.optics.engine.general.scattered import scattered_flux
+from optopad.sims.optics.engine.general.skin import skin_flux
 from optopad.sims.optics.engine.general.top import FormedTop
 from optopad.sims.optics.surface import curves, radial
 
@@ -45,6 +47,7 @@ KERNEL_MODULES = (
     mirrored,
     scattered,
     deposits,
+    skin,
     sys.modules[__name__],
 )
 kernel = entry_points(KERNEL_MODULES, error_model="numpy", nogil=True)
@@ -102,6 +105,20 @@ def mirrored_matrix(
                 work,
             )  # fmt: skip
     return out.transpose(1, 2, 0, 3).copy()
+
+
+@kernel
+def skin_matrix(
+    emitters: FloatArray, receivers: FloatArray, wanted: BoolArray, points: FloatArray, reflectance: float,
+    absorbs: float, origin: FloatArray, axes: FloatArray, numbers: FloatArray, row: FloatArray, grid: FloatArray,
+) -> FloatArray:  # fmt: skip
+    """(2, batch, emitter, receiver) light that the skin scatters once: outside the steep skirt, and within it."""
+    top = FormedTop(origin, axes, numbers, row, grid)
+    out = np.zeros((2, BATCHES, emitters.shape[0], receivers.shape[0]))
+    count = emitters.shape[0] + receivers.shape[0]
+    work, amounts = np.zeros(SIGHTS + SIGHT * count), np.zeros(count)
+    skin_flux(emitters, receivers, wanted, points, reflectance, absorbs, top, out, amounts, work)
+    return out
 
 
 @kernel

@@ -13,15 +13,19 @@ from optopad.design.errors import InputError, ModelScopeError
 from optopad.design.shape.top import Top
 from optopad.sims.optics.engine.general.grid import check_grid, gridded
 from optopad.sims.optics.engine.general.patches import border_mm, from_arc
+from optopad.sims.optics.engine.general.rays import BOTTOM, INSIDE
 from optopad.sims.optics.engine.general.top import (
+    BARE,
     CUPS,
     CYLINDER,
     DEPTH,
     FLAT,
     FORMED_ROW,
     LOWS,
+    MIRRORING,
     NUMBERS,
     OUTER,
+    SKIN,
     SKIRT_EDGE,
     SPHERE,
     FormedTop,
@@ -46,6 +50,8 @@ REACH_SHARE = 0.97
 """Largest distance of the pad's points from the axis of a press, relative to the crown's radius; farther away the crown
 is too steep."""
 OUTLINE_PLACES = 1440
+FLUSH_MM = 1e-9
+"""Height of a face that looks up at or below which it is part of the bottom [mm]."""
 FRAME = 12
 """Number of values that describe press coordinates: the origin (3) and the axes (9)."""
 
@@ -189,40 +195,78 @@ def _reach_mm(scene: OpticalScene, form: PadForm, x_mm: float, y_mm: float) -> f
 
 
 def windows_of(scene: OpticalScene, kind: str) -> FloatArray:
-    """(n, 12 + table) faces of emitters or receivers, one per table row.
+    """(n, 16 + table) faces of emitters or receivers, one per table row.
 
-    Columns are centre, unit tangent, half sizes (of the part below the crown), outward normal, Lambertian order, area
-    as mounted, number of the wall, and the radiance or response table.
+    Columns are centre, unit tangent x and y, half sizes (of the part below the crown), outward normal x and y,
+    Lambertian order, area as mounted, number of the wall (or `BOTTOM`, `INSIDE` for a face with a pose), outward normal
+    z, unit vector along the height, and the radiance or response table.
     """
     form = scene.form
     assert form is not None
     walls = np.asarray(getattr(scene, f"{kind}_wall"))
     patches = np.asarray(getattr(scene, f"{kind}_patch"))
-    table = scene.emitter_pattern if kind == "emitter" else scene.receiver_response
+    poses = getattr(scene, f"{kind}_pose")
     rows = []
     for k, (wall, (along, z, half_u, half_v)) in enumerate(zip(walls, patches, strict=True)):
+        order, values = _lobe_of(scene, kind, k)
+        if wall < 0:
+            rows.append(np.concatenate([_posed(poses[k], half_u, half_v, order), values]))
+            continue
         x, y, tx, ty, nx, ny = form.walls[wall]
         ends = [(x + (along + s) * tx, y + (along + s) * ty) for s in (-half_u, 0.0, half_u)]
         top = min(float(form.top.height_mm(*end)) for end in ends)
         high = min(z + half_v, top)
         low = z - half_v
-        order = float(scene.emitter_order[k]) if kind == "emitter" else 1.0
-        values = np.empty(0)
-        if table is not None:
-            values = np.asarray(table[k]) / (1.0 if kind == "emitter" else np.pi)
-            order = -1.0 if np.isfinite(values).all() else order
-            values = np.nan_to_num(values)
         centre = (x + along * tx, y + along * ty, (low + high) / 2)
         rows.append(
             np.concatenate(
                 [
                     [*centre, tx, ty, half_u, max((high - low) / 2, 0.0), nx, ny, order],
-                    [4.0 * half_u * half_v, wall],
+                    [4.0 * half_u * half_v, wall, 0.0, 0.0, 0.0, 1.0],
                     values,
                 ]
             )
         )
     return np.array(rows)
+
+
+def _lobe_of(scene: OpticalScene, kind: str, number: int) -> tuple[float, FloatArray]:
+    """Lambertian order of a face, and its radiance or response table; the order is -1 if the table is used."""
+    table = scene.emitter_pattern if kind == "emitter" else scene.receiver_response
+    order = float(scene.emitter_order[number]) if kind == "emitter" else 1.0
+    if table is None:
+        return order, np.empty(0)
+    values = np.asarray(table[number]) / (1.0 if kind == "emitter" else np.pi)
+    return (-1.0 if np.isfinite(values).all() else order), np.nan_to_num(values)
+
+
+def _posed(pose: FloatArray, half_u: float, half_v: float, order: float) -> FloatArray:
+    """(16,) row of a face with a pose; it is flush with the bottom if it looks up from height 0."""
+    x, y, z, tilt, turn = pose
+    ca, sa, ct, st = np.cos(turn), np.sin(turn), np.cos(tilt), np.sin(tilt)
+    flush = tilt == 0.0 and z <= FLUSH_MM
+    wall = BOTTOM if flush else INSIDE
+    area = 4.0 * half_u * half_v
+    return np.array(
+        [
+            x,
+            y,
+            0.0 if flush else z,
+            -sa,
+            ca,
+            half_u,
+            half_v,
+            -ca * st,
+            -sa * st,
+            order,
+            area,
+            wall,
+            -ct,
+            -ca * ct,
+            -sa * ct,
+            st,
+        ]
+    )
 
 
 def walls_of(scene: OpticalScene) -> tuple[FloatArray, FloatArray]:
@@ -249,6 +293,7 @@ def formed_top(
     kind, radius, mean = _crown_numbers(form.top)
     numbers = np.zeros(NUMBERS)
     numbers[:3] = kind, radius, mean
+    numbers[SKIN] = {"bare": BARE, "specular": MIRRORING, "diffuse": scene.top_reflectance}[scene.top_finish]
     row = empty_row()
     if press is not None:
         row, radii = _lowered(press, mean, scene.height_mm)

@@ -61,14 +61,17 @@ from optopad.sims.optics.engine.general.rays import (
     CZ,
     HALF_U,
     HALF_V,
-    NX,
-    NY,
     UX,
     UY,
-    WALL,
+    VX,
+    VY,
+    VZ,
     lobe,
     mirrored,
+    onto,
     sees,
+    share_wall,
+    up_window,
     window_point,
 )
 from optopad.sims.optics.engine.general.top import (
@@ -124,20 +127,21 @@ def mirrored_flux(
     """
     pressed = top.numbers[OUTER] > 0.0
     if pressed:
-        _put_sight(e, 0, top, work)
+        put_sight(e, 0, top, work)
         for j in range(receivers.shape[0]):
-            _put_sight(receivers[j], j + 1, top, work)
+            put_sight(receivers[j], j + 1, top, work)
     for n in range(points.shape[0]):
         p = points[n]
-        away = -((p[PX] - e[CX]) * e[NX] + (p[PY] - e[CY]) * e[NY])
+        away = -onto(e, p[PX] - e[CX], p[PY] - e[CY], p[PZ] - e[CZ])
         if away <= 1e-9 or p[DA] <= 0.0:
             continue
         if pressed:
             x, y, _ = into(top, p[PX], p[PY], p[PZ])
             work[AT], work[AT + 1], work[AT + 2] = x, y, dimple(top, x, y)[0]
-            work[IS_LIT] = 1.0 if _is_open(0, top, work) else 0.0
+            work[IS_LIT] = 1.0 if sight_is_open(0, top, work) else 0.0
         along = abs((p[PX] - e[CX]) * e[UX] + (p[PY] - e[CY]) * e[UY])
-        beside, above = max(along - e[HALF_U], 0.0), max(abs(p[PZ] - e[CZ]) - e[HALF_V], 0.0)
+        rise = abs(up_window(e, p[PX] - e[CX], p[PY] - e[CY], p[PZ] - e[CZ]))
+        beside, above = max(along - e[HALF_U], 0.0), max(rise - e[HALF_V], 0.0)
         work[PLACE], work[PLACE + 1] = 2.0 * (n * STEPS[0] % 1.0) - 1.0, 2.0 * (n * STEPS[1] % 1.0) - 1.0
         distance = math.sqrt(away * away + beside * beside + above * above)
         parts = 0
@@ -186,7 +190,7 @@ def _may_land(p: FloatArray, e: FloatArray, receivers: FloatArray, wanted: BoolA
     dx, dy, dz = mirrored(x / away, y / away, z / away, p[MX], p[MY], p[MZ])
     for j in range(receivers.shape[0]):
         r = receivers[j]
-        if not wanted[j] or r[WALL] == e[WALL]:
+        if not wanted[j] or share_wall(e, r):
             continue
         x, y, z = r[CX] - p[PX], r[CY] - p[PY], r[CZ] - p[PZ]
         far2 = x * x + y * y + z * z
@@ -212,18 +216,19 @@ def _follow(
     # rays from the part's points, mirrored, have the direction w + a wu + b wv with a, b from -1 to 1
     wx, wy, wz = mirrored(x - x0, y - y0, z - z0, nx, ny, nz)
     ux, uy, uz = mirrored(-size_u * e[UX], -size_u * e[UY], 0.0, nx, ny, nz)
-    vx, vy, vz = mirrored(0.0, 0.0, -size_v, nx, ny, nz)
+    vx, vy, vz = mirrored(-size_v * e[VX], -size_v * e[VY], -size_v * e[VZ], nx, ny, nz)
     work[WAYS], work[WAYS + 1], work[WAYS + 2] = wx, wy, wz
     work[WAYS + 3], work[WAYS + 4], work[WAYS + 5] = ux, uy, uz
     work[WAYS + 6], work[WAYS + 7], work[WAYS + 8] = vx, vy, vz
     work[PART], work[PART + 1], work[PART + 2], work[PART + 3], work[PART + 4] = x0, y0, z0, size_u, size_v
     for j in range(receivers.shape[0]):
         r = receivers[j]
-        deep = (r[CX] - x) * r[NX] + (r[CY] - y) * r[NY]
-        if not wanted[j] or r[WALL] == e[WALL] or deep <= 1e-9:
+        deep = onto(r, r[CX] - x, r[CY] - y, r[CZ] - z)
+        if not wanted[j] or share_wall(e, r) or deep <= 1e-9:
             continue
-        side, high = (x - r[CX]) * r[UX] + (y - r[CY]) * r[UY], z - r[CZ]
-        t0, tu, tv = wx * r[NX] + wy * r[NY], ux * r[NX] + uy * r[NY], vx * r[NX] + vy * r[NY]
+        side = (x - r[CX]) * r[UX] + (y - r[CY]) * r[UY]
+        high = up_window(r, x - r[CX], y - r[CY], z - r[CZ])
+        t0, tu, tv = onto(r, wx, wy, wz), onto(r, ux, uy, uz), onto(r, vx, vy, vz)
         half, s0 = r[HALF_U], side * t0 + deep * (wx * r[UX] + wy * r[UY])
         su, sv = side * tu + deep * (ux * r[UX] + uy * r[UY]), side * tv + deep * (vx * r[UX] + vy * r[UY])
         if abs(s0) - half * t0 >= abs(su) + abs(sv) + half * (abs(tu) + abs(tv)):
@@ -238,7 +243,8 @@ def _follow(
             0,
             work,
         )
-        half, s0, su, sv = r[HALF_V], high * t0 + deep * wz, high * tu + deep * uz, high * tv + deep * vz
+        half, s0 = r[HALF_V], high * t0 + deep * up_window(r, wx, wy, wz)
+        su, sv = high * tu + deep * up_window(r, ux, uy, uz), high * tv + deep * up_window(r, vx, vy, vz)
         if abs(s0) - half * t0 >= abs(su) + abs(sv) + half * (abs(tu) + abs(tv)):
             continue
         lines(
@@ -255,7 +261,7 @@ def _follow(
         if share <= 0.0:
             continue
         brings = NEVER
-        if pressed and not (work[IS_LIT] > 0.0 and _is_open(j + 1, top, work)):
+        if pressed and not (work[IS_LIT] > 0.0 and sight_is_open(j + 1, top, work)):
             brings = _seen(p, e, r, deep, absorbs, index, count, start, top, work)
         if brings >= NEVER:
             brings = share * _brought(p, e, r, deep, absorbs, index, count, start, work)
@@ -263,7 +269,7 @@ def _follow(
 
 
 @kernel
-def _put_sight(window: FloatArray, number: int, top: FormedTop, work: FloatArray) -> None:
+def put_sight(window: FloatArray, number: int, top: FormedTop, work: FloatArray) -> None:
     """Store the position of the face of an emitter or receiver in `work`, in the form that `is_open` takes."""
     x, y, _ = into(top, window[CX], window[CY], window[CZ])
     around, most = 0.0, -NEVER
@@ -276,7 +282,7 @@ def _put_sight(window: FloatArray, number: int, top: FormedTop, work: FloatArray
 
 
 @inlined
-def _is_open(number: int, top: FormedTop, work: FloatArray) -> bool:
+def sight_is_open(number: int, top: FormedTop, work: FloatArray) -> bool:
     """Whether the dimple certainly hides no line from the top's point in `work` to a window; see `is_open`."""
     k = SIGHTS + SIGHT * number
     return is_open(top, work[AT], work[AT + 1], work[AT + 2], work[k], work[k + 1], work[k + 2], work[k + 3])
@@ -320,7 +326,7 @@ def _counted(
 ) -> float:  # fmt: skip
     """Light from position a, b of an emitter's part, mirrored by a point of the top and counted by a receiver."""
     dx, dy, dz = _way(a, b, work)
-    toward = (dx * r[NX] + dy * r[NY]) / math.sqrt(dx * dx + dy * dy + dz * dz)
+    toward = onto(r, dx, dy, dz) / math.sqrt(dx * dx + dy * dy + dz * dz)
     if toward <= 1e-9:
         return 0.0
     x, y, z = _place(a, b, e, work)
@@ -341,8 +347,12 @@ def _way(a: float, b: float, work: FloatArray) -> tuple[float, float, float]:
 @inlined
 def _place(a: float, b: float, e: FloatArray, work: FloatArray) -> tuple[float, float, float]:
     """Point (x, y, z) of an emitter's part at a, b from -1 to 1."""
-    along = a * work[PART + 3]
-    return work[PART] + along * e[UX], work[PART + 1] + along * e[UY], work[PART + 2] + b * work[PART + 4]
+    along, up = a * work[PART + 3], b * work[PART + 4]
+    return (
+        work[PART] + along * e[UX] + up * e[VX],
+        work[PART + 1] + along * e[UY] + up * e[VY],
+        work[PART + 2] + up * e[VZ],
+    )
 
 
 @kernel
@@ -415,7 +425,7 @@ def _passes(
 ) -> bool:  # fmt: skip
     """Whether the dimple hides neither the line from an emitter's point to the top nor the line to the receiver."""
     dx, dy, dz = _way(a, b, work)
-    toward = dx * r[NX] + dy * r[NY]
+    toward = onto(r, dx, dy, dz)
     if toward <= 0.0:
         return False
     t = deep / toward

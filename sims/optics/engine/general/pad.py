@@ -20,8 +20,8 @@ from optopad.sims.optics.accuracy import Accuracy
 from optopad.sims.optics.engine.general.lower import formed_top, walls_of, windows_of
 from optopad.sims.optics.engine.general.patches import PatchLayout, patch_layout
 from optopad.sims.optics.engine.general.points import GridPoints, TopGrid, pitch_of, points_of, top_grid
-from optopad.sims.optics.engine.general.rays import AREA
-from optopad.sims.optics.engine.general.scattered import DIMENSIONS
+from optopad.sims.optics.engine.general.rays import AREA, TABLE
+from optopad.sims.optics.engine.general.scattered import DIMENSIONS, DIMENSIONS_UNDER_SKIN
 from optopad.sims.optics.engine.general.top import FLAT, GRID_STEP, KIND, SPHERE, FormedTop
 from optopad.sims.optics.engine.threads import run_each
 from optopad.sims.optics.engine.untouched import above_zero
@@ -87,6 +87,18 @@ class FormedPad:
         """(emitter, receiver) flux summed over classes, made positive to serve as a scale [-]."""
         return above_zero(np.asarray(self.flux.sum(axis=0)))
 
+    @cached_property
+    def mirrors(self) -> float:
+        """Refractive index of a bare top, which mirrors Fresnel's share; minus the share that a skin mirrors."""
+        if self.scene.top_finish == "bare":
+            return self.scene.refractive_index
+        return -self.scene.top_reflectance if self.scene.top_finish == "specular" else 0.0
+
+    @cached_property
+    def steps(self) -> FloatArray:
+        """Steps of the random sequence, one per random number of a ray."""
+        return sequence_steps(dimensions_of(self.scene))
+
     @property
     def every(self) -> BoolArray:
         """(emitter, receiver) mask with all pairs."""
@@ -100,18 +112,27 @@ class FormedPad:
         return np.asarray(straight_matrix(self.emitters, self.receivers, wanted, absorbs, *top, *rules))
 
     def mirrored(self, top: FormedTop, wanted: BoolArray, at: FloatArray) -> FloatArray:
-        """(2, batch, emitter, receiver) light mirrored at points of a top: by its smooth part, and by the skirt.
+        """(2, batch, emitter, receiver) light returned at points of a top: by its smooth part, and by the skirt.
+
+        A bare top or a specular skin mirrors it; of a diffuse skin it is the light scattered once, there.
 
         `at` (n, 5) has the points in press coordinates; `GridPoints.in_frame` explains the columns.
         """
-        from optopad.sims.optics.engine.general.kernels import mirrored_matrix, points_on
+        from optopad.sims.optics.engine.general.kernels import mirrored_matrix, points_on, skin_matrix
 
         scene = self.scene
         share = SPHERE_PART_SHARE if top.numbers[KIND] == SPHERE else PART_SHARE
         places = np.ascontiguousarray(at)
-        absorbs, index = scene.absorption_per_mm, scene.refractive_index
+        absorbs, index = scene.absorption_per_mm, self.mirrors
 
         def traced() -> FloatArray:
+            if scene.top_finish == "diffuse":
+                return np.asarray(
+                    skin_matrix(
+                        self.emitters, self.receivers, wanted, points_on(places, *top), scene.top_reflectance, absorbs,
+                        *top,
+                    )
+                )  # fmt: skip
             return np.asarray(
                 mirrored_matrix(
                     self.emitters, self.receivers, wanted, points_on(places, *top), share, absorbs, index, self.walls,
@@ -123,7 +144,7 @@ class FormedPad:
             return traced()
         name = _name_of(
             self.emitters, self.receivers, wanted, places, self.walls, self.arcs, *top,
-            np.array([share, absorbs, index]),
+            np.array([share, absorbs, index, scene.top_reflectance]),
         )  # fmt: skip
         known = _MIRRORED.get(name)
         if known is None:
@@ -148,8 +169,8 @@ class FormedPad:
         scene, layout = self.scene, patches or self.patches
         given, taken = (
             deposit_matrix(
-                windows, asked, self.receivers, rays, sequence_steps(), shift + 0.25 * k,
-                scene.absorption_per_mm, scene.refractive_index, self.walls, self.arcs, *top,
+                windows, asked, self.receivers, rays, self.steps, shift + 0.25 * k,
+                scene.absorption_per_mm, self.mirrors, self.walls, self.arcs, *top,
                 layout.numbers, len(layout.weight),
             )
             for k, (windows, asked) in enumerate(
@@ -222,7 +243,7 @@ def formed_ways(scene: OpticalScene, settings: Accuracy, seed: int) -> FormedWay
 def _remembered_ways(key: _Key, settings: Accuracy, seed: int) -> FormedWays:
     pad, scene = _remembered_pad(key, seed, min(settings.reference_rays // 2, REFERENCE_RAYS)), key.scene
     windows = _all_windows(pad)
-    grid = top_grid(scene, windows, pitch_of(settings, pad.emitters, pad.receivers))
+    grid = top_grid(scene, windows, pitch_of(settings, pad.scene, pad.emitters, pad.receivers))
     count = settings.replicates
     random = np.random.default_rng((seed, 1))
     shifts = np.asarray((random.random(2) + np.arange(count)[:, None] / count) % 1.0)
@@ -231,7 +252,7 @@ def _remembered_ways(key: _Key, settings: Accuracy, seed: int) -> FormedWays:
         points_of(grid, scene, pad.walls, pad.arcs, shift, all_chains=all_chains) for shift in shifts
     )
     mirrored = np.zeros((count, 2, 4, *pad.every.shape))
-    rays = random.random((count, DIMENSIONS))
+    rays = random.random((count, dimensions_of(scene)))
     deposits: list[tuple[FloatArray, FloatArray]] = [(np.empty(0), np.empty(0))] * count
 
     def one(number: int) -> None:
@@ -262,7 +283,7 @@ def _remembered_pad(key: _Key, seed: int, rays: int) -> FormedPad:
     random = np.random.default_rng((seed, 0))
     step = REFERENCE.image_step * np.sqrt(REFERENCE_RAYS / rays)
     mirrored = _untouched_mirrored(pad, random.random(2), replace(REFERENCE, image_step=step))
-    shifts = random.random((REFERENCE_WALKS, DIMENSIONS))
+    shifts = random.random((REFERENCE_WALKS, dimensions_of(scene)))
     once, walks = _untouched_once(pad, shifts[0], rays), _untouched_more(pad, shifts, rays)
     direct = pad.straight(pad.top, pad.every, straight_rules(STRAIGHT_NODES, STRAIGHT_NODES, STRAIGHT_NODES))
     flux = dark.copy()
@@ -277,7 +298,7 @@ def _remembered_pad(key: _Key, seed: int, rays: int) -> FormedPad:
 def _untouched_mirrored(pad: FormedPad, shift: FloatArray, settings: Accuracy) -> FloatArray:
     """(grid, 2, batch, emitter, receiver) light mirrored by the untouched top, by grids with different offsets."""
     windows = _all_windows(pad)
-    grid = top_grid(pad.scene, windows, pitch_of(settings, pad.emitters, pad.receivers))
+    grid = top_grid(pad.scene, windows, pitch_of(settings, pad.scene, pad.emitters, pad.receivers))
     out = np.zeros((REFERENCE_GRIDS, 2, 4, *pad.every.shape))
 
     def one(number: int) -> None:
@@ -309,8 +330,8 @@ def _untouched_more(pad: FormedPad, shifts: FloatArray, rays: int) -> FloatArray
 
     def one(number: int) -> None:
         out[number] = scattered_matrix(
-            pad.emitters, pad.receivers, rays // len(shifts), sequence_steps(), shifts[number],
-            scene.absorption_per_mm, scene.refractive_index, reflectances, pad.walls, pad.arcs, *pad.top,
+            pad.emitters, pad.receivers, rays // len(shifts), pad.steps, shifts[number],
+            scene.absorption_per_mm, pad.mirrors, reflectances, pad.walls, pad.arcs, *pad.top,
         )[1]  # fmt: skip
 
     run_each(one, len(shifts))
@@ -355,14 +376,19 @@ def straight_rules(emitter: int, column: int, height: int) -> tuple[FloatArray, 
     return tuple(part for rule in rules for part in rule)
 
 
-def sequence_steps() -> FloatArray:
-    """(DIMENSIONS,) steps of Roberts' additive sequence: powers of 1/x, with x^(d + 1) = x + 1 in d dimensions."""
+def dimensions_of(scene: OpticalScene) -> int:
+    """Number of random numbers of a ray in a scene."""
+    return DIMENSIONS_UNDER_SKIN if scene.top_finish == "diffuse" else DIMENSIONS
+
+
+def sequence_steps(dimensions: int) -> FloatArray:
+    """(dimensions,) steps of Roberts' additive sequence: powers of 1/x, with x^(d + 1) = x + 1 in d dimensions."""
     root = 2.0
     for _ in range(64):
-        root = (1.0 + root) ** (1.0 / (DIMENSIONS + 1))
-    return np.asarray((1.0 / root) ** np.arange(1, DIMENSIONS + 1))
+        root = (1.0 + root) ** (1.0 / (dimensions + 1))
+    return np.asarray((1.0 / root) ** np.arange(1, dimensions + 1))
 
 
 def _all_windows(pad: FormedPad) -> FloatArray:
-    """(n, 12) faces of emitters, then of receivers, without their tables."""
-    return np.vstack([pad.emitters[:, :12], pad.receivers[:, :12]])
+    """(n, 16) faces of emitters, then of receivers, without their tables."""
+    return np.vstack([pad.emitters[:, :TABLE], pad.receivers[:, :TABLE]])

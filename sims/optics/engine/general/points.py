@@ -22,7 +22,7 @@ import numpy as np
 from optopad.design.arrays import BoolArray, FloatArray, IntArray
 from optopad.sims.optics.accuracy import Accuracy
 from optopad.sims.optics.engine.general.patches import is_in_plan
-from optopad.sims.optics.engine.general.rays import CX, CY, CZ, HALF_U, HALF_V, NX, NY, UX, UY
+from optopad.sims.optics.engine.general.rays import CX, CY, CZ, HALF_U, HALF_V, NX, NY, NZ, UX, UY, VX, VY, VZ
 from optopad.sims.optics.engine.general.top import CONTACT_EDGE, KIND, OUTER, SKIRT_EDGE, SPHERE, FormedTop
 from optopad.sims.optics.scene.optical_scene import OpticalScene
 
@@ -33,6 +33,8 @@ PITCH = 0.38
 width; this mean is the width of an image half-way between them. At an image step of 0.7 the change of light by a press
 on the dome has an error of 0.3 to 1.2 noise units rms with emitters of 0.3 mm, and of 0.4 to 1.7 with emitters of 1.1
 mm."""
+SKIN_PITCH = 0.15
+"""Size of cells under a skin that scatters at an image step of 1, relative to the thickness of the layer."""
 DIVISIONS = 4
 """Largest number of times that a cell of the grid is divided."""
 RINGS_TO_SKIRT, RINGS_TO_CONTACT = 1.3, 2.0
@@ -105,8 +107,13 @@ class GridPoints:
         return np.column_stack([at, element, self.batch, self.chains])
 
 
-def pitch_of(settings: Accuracy, emitters: FloatArray, receivers: FloatArray) -> float:
-    """Size of the grid's cells [mm], small relative to an emitter's image at a receiver."""
+def pitch_of(settings: Accuracy, scene: OpticalScene, emitters: FloatArray, receivers: FloatArray) -> float:
+    """Size of the grid's cells [mm], small relative to an emitter's image at a receiver.
+
+    Under a skin that scatters, it is small relative to the thickness of the layer, over which light on the top varies.
+    """
+    if scene.top_finish == "diffuse":
+        return float(SKIN_PITCH * np.sqrt(settings.image_step) * scene.height_mm)
     narrowest = [2.0 * float(windows[:, [HALF_U, HALF_V]].min()) for windows in (emitters, receivers)]
     return float(PITCH * np.sqrt(settings.image_step) * np.mean(narrowest))
 
@@ -146,8 +153,8 @@ def _distance_mm(places: FloatArray, windows: FloatArray) -> FloatArray:
     for w in windows:
         off = places - w[[CX, CY, CZ]]
         along = np.maximum(np.abs(off[:, 0] * w[UX] + off[:, 1] * w[UY]) - w[HALF_U], 0.0)
-        above = np.maximum(np.abs(off[:, 2]) - w[HALF_V], 0.0)
-        away = off[:, 0] * w[NX] + off[:, 1] * w[NY]
+        above = np.maximum(np.abs(off @ w[[VX, VY, VZ]]) - w[HALF_V], 0.0)
+        away = off @ w[[NX, NY, NZ]]
         nearest = np.minimum(nearest, np.sqrt(along**2 + above**2 + away**2))
     return nearest
 

@@ -14,12 +14,13 @@ import math
 
 from optopad.design.arrays import FloatArray
 from optopad.sims.optics.engine.general.top import FormedTop, into, top_hit, turn
-from optopad.sims.optics.surface.radial import inlined, kernel, lobe_at
+from optopad.sims.optics.surface.radial import fresnel, inlined, kernel, lobe_at
 
 NEVER = 1e30
-BOTTOM, TOP = -1, -2
-"""Codes of surfaces other than walls. A wall's code is its number; round walls come after flat ones."""
-CX, CY, CZ, UX, UY, HALF_U, HALF_V, NX, NY, ORDER, AREA, WALL, TABLE = range(13)
+BOTTOM, TOP, INSIDE = -1, -2, -3
+"""Codes of surfaces other than walls. A wall's code is its number; round walls come after flat ones. `INSIDE` is the
+wall of a face that stands in the layer."""
+CX, CY, CZ, UX, UY, HALF_U, HALF_V, NX, NY, ORDER, AREA, WALL, NZ, VX, VY, VZ, TABLE = range(17)
 
 
 @inlined
@@ -89,8 +90,36 @@ def sees(x: float, y: float, z: float, tx: float, ty: float, tz: float, top: For
 @inlined
 def window_point(window: FloatArray, u: float, v: float) -> tuple[float, float, float]:
     """Point (x, y, z) of a window at u along the wall and v in height, both from -1 to 1."""
-    along = u * window[HALF_U]
-    return window[CX] + along * window[UX], window[CY] + along * window[UY], window[CZ] + v * window[HALF_V]
+    along, up = u * window[HALF_U], v * window[HALF_V]
+    return (
+        window[CX] + along * window[UX] + up * window[VX],
+        window[CY] + along * window[UY] + up * window[VY],
+        window[CZ] + up * window[VZ],
+    )
+
+
+@inlined
+def onto(window: FloatArray, dx: float, dy: float, dz: float) -> float:
+    """Component of a vector along a window's outward normal."""
+    return dx * window[NX] + dy * window[NY] + dz * window[NZ]
+
+
+@inlined
+def up_window(window: FloatArray, dx: float, dy: float, dz: float) -> float:
+    """Component of a vector along a window's height."""
+    return dx * window[VX] + dy * window[VY] + dz * window[VZ]
+
+
+@inlined
+def share_wall(e: FloatArray, r: FloatArray) -> bool:
+    """Whether two windows are in one wall, so that only the dimple's skirt could mirror light between them."""
+    return e[WALL] == r[WALL] and e[WALL] >= 0.0
+
+
+@inlined
+def returned(cosine: float, index: float) -> float:
+    """Share of light that the top mirrors: Fresnel's by the refractive index, or that of a skin, given as minus it."""
+    return fresnel(cosine, index) if index > 0.0 else -index
 
 
 @inlined
@@ -123,10 +152,10 @@ def landing(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, r: FloatArray
 ) -> tuple[float, float, float]:
     """Where a ray crosses a window's plane: u, v in half sizes of the window, and distance (-NEVER: moves away)."""
-    toward = dx * r[NX] + dy * r[NY]
+    toward = onto(r, dx, dy, dz)
     if toward <= 1e-9:
         return 0.0, 0.0, -NEVER
-    t = ((r[CX] - x) * r[NX] + (r[CY] - y) * r[NY]) / toward
+    t = onto(r, r[CX] - x, r[CY] - y, r[CZ] - z) / toward
     u = ((x + t * dx - r[CX]) * r[UX] + (y + t * dy - r[CY]) * r[UY]) / r[HALF_U]
-    v = (z + t * dz - r[CZ]) / r[HALF_V]
+    v = up_window(r, x + t * dx - r[CX], y + t * dy - r[CY], z + t * dz - r[CZ]) / r[HALF_V]
     return u, v, t

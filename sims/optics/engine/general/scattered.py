@@ -13,7 +13,10 @@ the receiver's face, its window. This adds
 Light that the top mirrors after its last scattering is counted if the ray itself meets a receiver. A ray's random
 numbers depend on its number and on how often it was scattered, not on the press.
 
-The model leaves out smooth walls, and light below `FAINT` of the emitter's power.
+A skin of the top mirrors a constant share, or scatters it. Light that a scattering skin alone scattered once is left to
+`optopad.sims.optics.engine.general.skin`.
+
+The model leaves out smooth walls, light below `FAINT` of the emitter's power, and the bodies of parts in the layer.
 """
 
 from __future__ import annotations
@@ -28,25 +31,32 @@ from optopad.sims.optics.engine.general.rays import (
     CZ,
     HALF_U,
     HALF_V,
+    INSIDE,
     NX,
     NY,
+    NZ,
     TOP,
     UX,
     UY,
     WALL,
     inward,
+    landing,
     lobe,
     meeting,
+    onto,
+    returned,
     sees,
+    up_window,
     window_point,
 )
-from optopad.sims.optics.engine.general.top import OUTER, FormedTop, into, is_contact, normal_at, out_of
-from optopad.sims.optics.surface.radial import fresnel, kernel
+from optopad.sims.optics.engine.general.top import OUTER, SKIN, FormedTop, into, is_contact, normal_at, out_of
+from optopad.sims.optics.surface.radial import kernel
 
 FAINT = 1e-7
-MOST_SCATTERED, MOST_FLIGHTS = 6, 60
+MOST_SCATTERED, MOST_UNDER_SKIN, MOST_FLIGHTS = 6, 16, 60
+"""Largest number of scatterings of a ray, also under a skin that scatters, and of its straight pieces."""
 FIRST, PER_SCATTER = 4, 4
-DIMENSIONS = FIRST + PER_SCATTER * MOST_SCATTERED
+DIMENSIONS, DIMENSIONS_UNDER_SKIN = (FIRST + PER_SCATTER * most for most in (MOST_SCATTERED, MOST_UNDER_SKIN))
 """Number of random numbers per ray: for a point and direction at the emitter; then, for each scattering, for a
 direction and for a point on the receivers' faces."""
 
@@ -59,7 +69,7 @@ def scattered_flux(
     """Add an emitter's light per emitted power to `out` (2, receiver): scattered once, and scattered more often.
 
     rays : number of rays
-    steps, shift : (DIMENSIONS,) steps and offsets of the random sequence
+    steps, shift : (DIMENSIONS or DIMENSIONS_UNDER_SKIN,) steps and offsets of the random sequence
     reflectances : (3,) reflectances of walls, bottom and tip
     """
     submerged = e[HALF_V] * e[HALF_U] * 4.0 / e[10]
@@ -69,7 +79,7 @@ def scattered_flux(
         )
         c2 = number(n, 2, steps, shift)
         cosine = math.sqrt(c2)
-        dx, dy, dz = about(-e[NX], -e[NY], 0.0, cosine, number(n, 3, steps, shift))
+        dx, dy, dz = about(-e[NX], -e[NY], -e[NZ], cosine, number(n, 3, steps, shift))
         weight = math.pi * lobe(e, cosine) * submerged / rays
         _walk(x, y, z, dx, dy, dz, weight, FAINT / rays, n, receivers, steps, shift, absorbs, index, reflectances,
               walls, arcs, top, out)  # fmt: skip
@@ -81,20 +91,29 @@ def _walk(
     receivers: FloatArray, steps: FloatArray, shift: FloatArray, absorbs: float, index: float, reflectances: FloatArray,
     walls: FloatArray, arcs: FloatArray, top: FormedTop, out: FloatArray,
 ) -> None:  # fmt: skip
-    times, is_mirrored = 0, False
+    times, by_skin, is_mirrored = 0, 0, False
+    most = (steps.shape[0] - FIRST) // PER_SCATTER
     for _ in range(MOST_FLIGHTS):
         t, what = meeting(x, y, z, dx, dy, dz, walls, arcs, top)
+        t, face = face_before(x, y, z, dx, dy, dz, t, receivers)
         weight *= math.exp(-absorbs * t)
         x, y, z = x + t * dx, y + t * dy, z + t * dz
+        if face >= 0:
+            if times > 0 and is_mirrored:
+                out[min(times, 2) - 1, face] += (
+                    weight * math.pi * lobe(receivers[face], onto(receivers[face], dx, dy, dz))
+                )
+            return
+        is_skin = what == TOP and top.numbers[SKIN] > 0.0
         if what == TOP:
             qx, qy, _ = into(top, x, y, z)
             nx, ny, nz = normal_at(top, qx, qy)
             nx, ny, nz = out_of(top, nx, ny, nz)
-            if not is_contact(top, qx, qy):
+            if not is_skin and not is_contact(top, qx, qy):
                 meets = dx * nx + dy * ny + dz * nz
                 if meets <= 0.0:
                     return
-                weight *= fresnel(meets, index)
+                weight *= returned(meets, index)
                 if weight < faint:
                     return
                 dx, dy, dz = dx - 2.0 * meets * nx, dy - 2.0 * meets * ny, dz - 2.0 * meets * nz
@@ -102,7 +121,7 @@ def _walk(
                 is_mirrored = True
                 continue
             nx, ny, nz = -nx, -ny, -nz
-            weight *= reflectances[2]
+            weight *= top.numbers[SKIN] if is_skin else reflectances[2]
         else:
             nx, ny, nz = inward(what, x, y, walls, arcs)
             j = window_at(what, x, y, z, receivers)
@@ -113,16 +132,20 @@ def _walk(
                     )
                 return
             weight *= reflectances[1] if what == BOTTOM else reflectances[0]
-        if weight < faint or times == MOST_SCATTERED:
+        scattered = times + by_skin
+        if weight < faint or scattered == most:
             return
+        times, by_skin = times + (0 if is_skin else 1), by_skin + (1 if is_skin else 0)
         x, y, z = x + 1e-7 * nx, y + 1e-7 * ny, z + 1e-7 * nz
-        first = FIRST + PER_SCATTER * times
+        first = FIRST + PER_SCATTER * scattered
         u = 2.0 * number(n, first + 2, steps, shift) - 1.0
         v = 2.0 * number(n, first + 3, steps, shift) - 1.0
-        _look(x, y, z, nx, ny, nz, weight, u, v, receivers, absorbs, top, out[min(times, 1)])
+        if times > 0 or by_skin > 1:
+            row = 0 if times == 1 else 1
+            _look(x, y, z, nx, ny, nz, weight, u, v, receivers, absorbs, top, out[row])
         cosine = math.sqrt(number(n, first, steps, shift))
         dx, dy, dz = about(nx, ny, nz, cosine, number(n, first + 1, steps, shift))
-        times, is_mirrored = times + 1, False
+        is_mirrored = False
 
 
 @kernel
@@ -137,7 +160,7 @@ def _look(
         dx, dy, dz = tx - x, ty - y, tz - z
         s2 = dx * dx + dy * dy + dz * dz
         s = math.sqrt(s2)
-        leaves, enters = (dx * nx + dy * ny + dz * nz) / s, (dx * r[NX] + dy * r[NY]) / s
+        leaves, enters = (dx * nx + dy * ny + dz * nz) / s, onto(r, dx, dy, dz) / s
         if leaves <= 0.0 or enters <= 0.0:
             continue
         if top.numbers[OUTER] > 0.0 and not sees(x, y, z, tx, ty, tz, top):
@@ -152,9 +175,24 @@ def window_at(what: int, x: float, y: float, z: float, receivers: FloatArray) ->
     for j in range(receivers.shape[0]):
         r = receivers[j]
         along = (x - r[CX]) * r[UX] + (y - r[CY]) * r[UY]
-        if r[WALL] == what and abs(z - r[CZ]) <= r[HALF_V] and abs(along) <= r[HALF_U]:
+        rise = up_window(r, x - r[CX], y - r[CY], z - r[CZ])
+        if r[WALL] == what and abs(rise) <= r[HALF_V] and abs(along) <= r[HALF_U]:
             return j
     return -1
+
+
+@kernel
+def face_before(
+    x: float, y: float, z: float, dx: float, dy: float, dz: float, limit: float, receivers: FloatArray
+) -> tuple[float, int]:
+    """Distance at which a ray meets the front of a receiver's face in the layer, and its number; `limit`, -1: none."""
+    best, which = limit, -1
+    for j in range(receivers.shape[0]):
+        if receivers[j, WALL] == INSIDE:
+            u, v, t = landing(x, y, z, dx, dy, dz, receivers[j])
+            if 1e-9 < t <= best + 1e-9 and abs(u) <= 1.0 and abs(v) <= 1.0:
+                best, which = t, j
+    return best, which
 
 
 @kernel

@@ -71,8 +71,10 @@ curve outward."""
 FORMED_ROW = CUPS + CELLS
 FLAT, SPHERE, CYLINDER = 0.0, 1.0, 2.0
 # numbers of a top
-KIND, RADIUS, MEAN, DEPTH, OUTER, CONTACT_EDGE, SKIRT_EDGE, GRID_X, GRID_Y, GRID_STEP = range(10)
-NUMBERS = 10
+KIND, RADIUS, MEAN, DEPTH, OUTER, CONTACT_EDGE, SKIRT_EDGE, GRID_X, GRID_Y, GRID_STEP, SKIN = range(11)
+NUMBERS = 11
+BARE, MIRRORING = 0.0, -1.0
+"""Values of `SKIN` without a skin and with one that mirrors; that of one that scatters is its reflectance."""
 # values at a node of a grid
 VALUE, ALONG_X, ALONG_Y, TWIST, LEVEL, STEEPER, PATCH, LOWEST = range(8)
 NODE = 8
@@ -87,10 +89,10 @@ class FormedTop(NamedTuple):
     ----------
     origin : (3,) origin of press coordinates, in cavity coordinates [mm]
     axes : (3, 3) axes of press coordinates, one per table row [-]
-    numbers : (10,) type of crown (flat, sphere or cylinder); its radius and the mean crown's radius (0 if flat) [mm];
+    numbers : (11,) type of crown (flat, sphere or cylinder); its radius and the mean crown's radius (0 if flat) [mm];
         depth of the press; radius beyond which d is 0; contact radius; skirt radius, within which a reflection counts
         as the skirt's [mm]; x and y of the grid's first node, and distance of its nodes [mm]. The last seven are 0 if
-        untouched, the last three if d is radial
+        untouched, the last three if d is radial. Then the skin: `BARE`, `MIRRORING`, or the share that it scatters
     row : (`FORMED_ROW`,) radial table of d (`optopad.sims.optics.surface.curves`), then lowest heights, then largest
         cups; of a grid, only the bounds from each radius outward are used; if untouched, a single 0
     grid : (nx, ny, `NODE`) values at the nodes of a grid: d, its slopes along x and y, its mixed derivative; level of
@@ -500,7 +502,9 @@ def normal_at(top: FormedTop, x: float, y: float) -> tuple[float, float, float]:
 
 @inlined
 def is_contact(top: FormedTop, x: float, y: float) -> bool:
-    """Whether the tip touches the top at (x, y) in press coordinates."""
+    """Whether the tip touches the bare top at (x, y) in press coordinates. A skin hides what touches it."""
+    if top.numbers[SKIN] != BARE:
+        return False
     if top.numbers[GRID_STEP] > 0.0:
         return _level(top, x, y) > 0.0
     edge = top.numbers[CONTACT_EDGE]

@@ -43,7 +43,7 @@ from optopad.sims.optics.engine.general.pad import (
 )
 from optopad.sims.optics.engine.general.patches import is_in_plan
 from optopad.sims.optics.engine.general.points import points_of, ring_points, ring_zone_mm
-from optopad.sims.optics.engine.general.rays import AREA, CZ, HALF_V
+from optopad.sims.optics.engine.general.rays import AREA, CZ, HALF_V, VZ
 from optopad.sims.optics.engine.general.top import (
     CONTACT_EDGE,
     DEPTH,
@@ -157,7 +157,8 @@ def _pressed(
 def _may_hide(pad: FormedPad, top: FormedTop) -> bool:
     """Whether a press may hide direct light: on flat tops, only if it reaches below the highest edge of a face."""
     highest_mm = max(
-        float((faces[:, CZ] + faces[:, HALF_V]).max()) for faces in (pad.emitters, pad.receivers)
+        float((faces[:, CZ] + faces[:, HALF_V] * faces[:, VZ]).max())
+        for faces in (pad.emitters, pad.receivers)
     )
     return bool(top.numbers[KIND] != FLAT or pad.scene.height_mm - top.numbers[DEPTH] < highest_mm)
 
