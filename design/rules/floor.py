@@ -61,8 +61,7 @@ def _option_findings(draft: Draft) -> Iterator[Finding]:
 
 
 def _height_findings(draft: Draft, part: PlacedPart) -> Iterator[Finding]:
-    rise = part.half_height_mm * math.sin(math.radians(part.tilt_deg))
-    low, high = part.height_mm - rise, part.height_mm + rise
+    low, high = part.height_mm - part.rise_mm, part.height_mm + part.rise_mm
     black = draft.design.cavity.black_thickness_mm
     if low < -ROUNDING_MM:
         yield error(

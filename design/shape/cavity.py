@@ -291,9 +291,14 @@ class PlacedPart:
         return self.part.active_height_mm.value / 2
 
     @property
+    def rise_mm(self) -> float:
+        """Distance of the active area's upper edge above its centre [mm]; 0 if it looks up."""
+        return self.half_height_mm * self._tilt[0]
+
+    @property
     def lost_share(self) -> float:
         """Share of the active area above the undisturbed surface or below the clear layer [-]."""
-        rise = self.half_height_mm * self._tilt[0]
+        rise = self.rise_mm
         if rise == 0.0:
             return 0.0 if -ROUNDING_MM <= self.height_mm < self.clear_mm else 1.0
         low, high = self.height_mm - rise, self.height_mm + rise

@@ -20,7 +20,7 @@ from optopad.design.parts import catalog
 from optopad.design.parts.catalog import CatalogEntries, Elastomer, Part
 from optopad.design.parts.spectrum import SpectralIndex, spectral_index
 from optopad.design.spec import Emitters, Mold, Receivers, SensorDesign
-from optopad.design.spec.layout import Kind, Placement, expand
+from optopad.design.spec.layout import FLOOR, Kind, Placement, expand
 
 SECTIONS: dict[str, Kind] = {"emitters": "emitter", "receivers": "receiver"}
 
@@ -196,6 +196,9 @@ def used_values(design: SensorDesign) -> tuple[UsedValue, ...]:
             found += _values_of_gain(part_of(design, part_id, kind), part_id)
     if design.surfaces.wall_finish == "glossy" and (behind := wall_index(design)) is not None:
         found.append(UsedValue(path="surfaces.wall_index", quantity=behind))
+    skin = skin_of(design)
+    if skin is not None:
+        found.append(UsedValue(path="top.reflectance", quantity=skin.reflectance))
     found.append(UsedValue(path="elastomer.refractive_index", quantity=refractive_index(design)))
     found.append(UsedValue(path="elastomer.absorption_db_per_cm", quantity=absorption_db_per_cm(design)))
     return tuple(found)
@@ -246,13 +249,14 @@ def _parts_in_use(design: SensorDesign) -> tuple[tuple[str, Kind], ...]:
 def _bands_in_use(design: SensorDesign) -> dict[str, Band]:
     """Bands of the design's fields by dotted path, for the fields that the layout uses.
 
-    A layout entry with its own height has the same band as the default height of all emitters or receivers.
+    A layout entry with its own height has the same band as the default height of all emitters or receivers. A part that
+    stands on the board has no height to set.
     """
     bands = dict(_bands())
     for section, kind in SECTIONS.items():
         band = bands.pop(f"{section}.height_mm")
         for place in _placements(design):
-            if place.kind == kind:
+            if place.kind == kind and (place.wall != FLOOR or place.height_mm is not None):
                 own = f"{place.origin}.height_mm"
                 bands[f"{section}.height_mm" if place.height_mm is None else own] = band
     return bands

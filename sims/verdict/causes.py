@@ -293,7 +293,7 @@ def _curves_under(
         for e, r in np.argwhere(direct_path_pairs(cavity))
         if beside_chord(cavity, (int(e), int(r)), place_mm)[0] <= cavity.tip_radius_mm
     ]
-    lit = [one for one in under if one.direct[0] > 0.0]
+    lit = [one for one in under if one.total[0] > 0.0]
     return sorted(lit, key=lambda one: -float(one.total[0]))[:MOST_WITNESSES]
 
 
@@ -352,12 +352,12 @@ def _witness(cavity: CavityGeometry, curves: PairCurves, span: Interval, readout
     change = float(np.ptp(noise_units(limited, **noise)))
     whole = gain * float(curves.total[0])
     modes = find_modes(curves.depth_mm, curves.top, curves.direct)
-    straight = float(part[0, 2] / curves.direct[0])
+    straight = float(part[0, 2] / curves.direct[0]) if curves.direct[0] > 0.0 else None
     return Witness(
         pair=pair_name(cavity, curves.pair),
         lack=_lack(counts, limited, whole, straight, full_scale, noise),
         mirrored=float(part[0, 1] / curves.top[0]) if curves.top[0] > 0.0 else 0.0,
-        straight=straight,
+        straight=0.0 if straight is None else straight,
         untouched_counts=min(whole, full_scale),
         change=change,
         mode1_end_mm=modes.mode1_mm[1],
@@ -371,7 +371,7 @@ def _lack(
     counts: FloatArray,
     limited: FloatArray,
     whole: float,
-    straight: float,
+    straight: float | None,
     full_scale: float,
     noise: dict[str, float],
 ) -> Lack:
@@ -384,6 +384,8 @@ def _lack(
     mirrored_change, straight_change = (float(np.ptp(counts[:, column])) / sigma for column in (1, 2))
     if min(mirrored_change, straight_change) >= DEADBAND_THRESHOLD:
         return "cancel"
+    if straight is None:
+        return "slight"
     if straight >= WHOLE:
         return "apart"
     return "used up" if straight <= GONE else "slight"
@@ -393,7 +395,7 @@ def _reach_mm(cavity: CavityGeometry, curves: PairCurves) -> float:
     """Depth at which the tip meets the direct path's upper edge [mm]."""
     ends = (cavity.emitters[curves.pair[0]], cavity.receivers[curves.pair[1]])
     _, share = beside_chord(cavity, curves.pair, curves.press_mm)
-    upper = [min(one.height_mm + one.half_height_mm, cavity.clear_mm) for one in ends]
+    upper = [min(one.height_mm + one.rise_mm, cavity.clear_mm) for one in ends]
     return cavity.clear_mm - ((1.0 - share) * upper[0] + share * upper[1])
 
 

@@ -5,7 +5,7 @@
 
 Modes
 -----
-Mode 1: light that reflects off the top is lost or redirected as soon as the dimple reaches the point of reflection.
+Mode 1: light that the top returns is lost or redirected as soon as the dimple reaches the point of reflection.
 Mode 2: the tip itself comes between emitter and receiver. Piacenza et al. (ICRA 2017) define both modes in words. In
 numbers, with T the light specularly reflected by the top and D the direct light:
 
@@ -14,6 +14,8 @@ numbers, with T the light specularly reflected by the top and D the direct light
     mode 2   from the depth after which D stays at or below 95 % of D(0)
              to the depth after which D stays at or below 5 % of D(0)
     gap      onset of mode 2 - end of mode 1; negative when the modes overlap
+
+Two parts that look up from the floor have no direct light, so only mode 1: loss or gain of the light by way of the top.
 
 A boundary is where the monotone cubic through the samples (Fritsch and Butland 1984) crosses one of these levels. The
 cubic never overshoots, is exact for straight lines, and has a third-order error in the step on smooth curves. It rounds
@@ -80,9 +82,10 @@ class Modes:
     Attributes
     ----------
     mode1_mm : start and end of mode 1 [mm]; (0, 0) if the top-reflected light never changes
-    mode2_mm : onset and end of mode 2 [mm]; each is None if not reached within the given depths
+    mode2_mm : onset and end of mode 2 [mm]; each is None if not reached within the given depths, or if the pair has no
+        direct light, as two parts on the floor
     gap_mm : onset of mode 2 minus end of mode 1 [mm]; None if mode 2 never starts
-    gap_at_least_mm : lower bound of the gap if mode 2 never starts [mm]; otherwise None
+    gap_at_least_mm : lower bound of the gap if mode 2 never starts [mm]; None if it starts, or without direct light
     """
 
     mode1_mm: tuple[float, float]
@@ -113,12 +116,9 @@ def find_modes(
     direct_light = require_samples("direct", direct, depth)
     if not 0.0 < tolerance < 0.5:
         raise InputError(f"tolerance: {tolerance}, needs a share over 0 and below 0.5; the default is 0.05")
-    if direct_light[0] <= 0.0:
-        raise InputError(
-            f"direct[0]: {direct_light[0]}, needs more than 0; "
-            "a pair without a direct path is not judged, leave it out"
-        )
     mode1 = _mode1_mm(depth, top_light, tolerance)
+    if direct_light[0] <= 0.0:
+        return Modes(mode1_mm=mode1, mode2_mm=(None, None), gap_mm=None, gap_at_least_mm=None)
     onset = _stays_below_from_mm(depth, direct_light, (1.0 - tolerance) * float(direct_light[0]))
     end = _stays_below_from_mm(depth, direct_light, tolerance * float(direct_light[0]))
     return Modes(
