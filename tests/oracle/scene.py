@@ -3,6 +3,13 @@ In plan the pad is convex. Each flat wall has a position, a tangent and an outwa
 A rectangle is four flat walls. The bottom is the plane z = 0; the untouched top is flat or a crown. A patch is the
 rectangular face of an emitter or receiver.
 
+Faces with a pose
+-----------------
+A face that is not on a wall is a thin rectangle in the elastomer or flush in the bottom. A ray inside meets it from the
+side of its normal only, and passes from the other side. Only the part between the bottom and the untouched top is in
+the scene. Parts have no bodies. A receiver's face absorbs, and an emitter's face is like the bottom: it has its
+reflectance. Light in air passes these faces.
+
 Light is unpolarised at each reflection (Born & Wolf, Principles of Optics, § 1.5). `ratio` is the index on the ray's
 side divided by the index behind the border. If it is above 1, reflection is total beyond the critical angle.
 """
@@ -160,6 +167,11 @@ def outline_mm(form: PadForm) -> FloatArray:
 
 NO_FACE, BOTTOM_FACE, ROUND_FACE = -1, -2, -3
 """Codes of surfaces besides flat walls. Flat walls are numbered from 0; round walls count down from `ROUND_FACE`."""
+POSED_RECEIVER, POSED_EMITTER = 1_000_000, 2_000_000
+"""Codes of the first receiver's and of the first emitter's face with a pose; far above the numbers of walls."""
+BARE, SPECULAR, DIFFUSE_SKIN = range(3)
+FINISHES = ("bare", "specular", "diffuse")
+"""Finishes of the top, in the order of their codes."""
 
 
 class OracleScene(NamedTuple):
@@ -173,6 +185,8 @@ class OracleScene(NamedTuple):
     emitter_pattern : (2, e, n) radiance table [1/sr] and the share of power below each node [-]. An emitter's
         Lambertian order is used instead if its table row is NaN or n is 0
     receiver_response : (r, n) share of arriving light that is counted [-]; if n is 0, all light is counted
+    emitter_face, receiver_face : (e, 14) and (r, 14) `posed_faces`
+    top_finish : `BARE`, `SPECULAR` or `DIFFUSE_SKIN`
     """
 
     walls: FloatArray
@@ -192,6 +206,10 @@ class OracleScene(NamedTuple):
     receiver_wall: IntArray
     receiver_patch: FloatArray
     receiver_response: FloatArray
+    emitter_face: FloatArray
+    receiver_face: FloatArray
+    top_finish: int
+    top_reflectance: float
 
 
 def lower_scene(scene: OpticalScene) -> OracleScene:
@@ -222,7 +240,32 @@ def lower_scene(scene: OpticalScene) -> OracleScene:
         np.ascontiguousarray(scene.receiver_wall, dtype=np.int64),
         np.ascontiguousarray(scene.receiver_patch, dtype=np.float64),
         _table(scene.receiver_response, len(scene.receiver_wall)),
+        posed_faces(scene.emitter_pose, np.asarray(scene.emitter_patch, dtype=np.float64)),
+        posed_faces(scene.receiver_pose, np.asarray(scene.receiver_patch, dtype=np.float64)),
+        FINISHES.index(scene.top_finish),
+        float(scene.top_reflectance),
     )
+
+
+def posed_faces(poses: FloatArray | None, patches: FloatArray) -> FloatArray:
+    """Faces from their poses, as `OpticalScene` defines them.
+
+    Parameters
+    ----------
+    poses : (n, 5) centre x, y, z [mm], tilt and turn [rad]; NaN rows for faces on walls
+    patches : (n, 4) rows that end with half width and half height [mm]
+
+    Returns
+    -------
+    (n, 14) centre, normal, width axis and height axis (3 each); half width, half height. NaN rows for faces on walls
+    """
+    rows = np.full((len(patches), 14), np.nan)
+    for row, pose, patch in zip(rows, () if poses is None else poses, patches, strict=poses is not None):
+        x, y, z, tilt, turn = (float(value) for value in pose)
+        if not math.isnan(x):
+            ct, st, ca, sa = math.cos(tilt), math.sin(tilt), math.cos(turn), math.sin(turn)
+            row[:] = x, y, z, ca * st, sa * st, ct, -sa, ca, 0.0, -ca * ct, -sa * ct, st, patch[2], patch[3]
+    return rows
 
 
 def _table(given: FloatArray | None, rows: int) -> FloatArray:
@@ -241,7 +284,13 @@ def untouched_top(scene: OracleScene, x: float, y: float) -> float:
 
 @njit()
 def inward_normal(scene: OracleScene, face: int, x: float, y: float) -> tuple[float, float, float]:
-    """Unit normal of a wall or the bottom at a point, pointing into the elastomer."""
+    """Unit normal of a wall, the bottom or a posed face at a point, pointing into the elastomer."""
+    if face >= POSED_EMITTER:
+        row = scene.emitter_face[face - POSED_EMITTER]
+        return row[3], row[4], row[5]
+    if face >= POSED_RECEIVER:
+        row = scene.receiver_face[face - POSED_RECEIVER]
+        return row[3], row[4], row[5]
     if face == BOTTOM_FACE:
         return 0.0, 0.0, 1.0
     if face <= ROUND_FACE:
@@ -255,6 +304,14 @@ def inward_normal(scene: OracleScene, face: int, x: float, y: float) -> tuple[fl
 @njit(forceinline=True)
 def emission_point(scene: OracleScene, emitter: int, u: float, v: float) -> tuple[float, float, float]:
     """Point of an emitter's rectangle at fractions u, v in [0, 1) of its width and height."""
+    face = scene.emitter_face[emitter]
+    if not math.isnan(face[0]):
+        a, b = (2.0 * u - 1.0) * face[12], (2.0 * v - 1.0) * face[13]
+        return (
+            face[0] + a * face[6] + b * face[9],
+            face[1] + a * face[7] + b * face[10],
+            face[2] + a * face[8] + b * face[11],
+        )
     along, height, half_width, half_height = scene.emitter_patch[emitter]
     along += (2.0 * u - 1.0) * half_width
     height += (2.0 * v - 1.0) * half_height
@@ -282,6 +339,48 @@ def face_hit(
     if dz < 0.0 and -z / dz < best:
         best, face = -z / dz, BOTTOM_FACE
     return max(best, 0.0), face
+
+
+@njit(forceinline=True)
+def posed_hit(
+    scene: OracleScene, x: float, y: float, z: float, dx: float, dy: float, dz: float, limit: float
+) -> tuple[float, int]:
+    """Distance, up to `limit`, at which a ray inside first meets the front of a posed face [mm], and the face's code.
+
+    The code is `NO_FACE` and the distance `limit` if the ray meets no such face. A ray meets a face that is flush with
+    the bottom instead of the bottom.
+    """
+    best, code = limit + UNIT_TOLERANCE, NO_FACE
+    for k in range(scene.receiver_face.shape[0]):
+        distance = _posed_distance(scene, scene.receiver_face[k], x, y, z, dx, dy, dz)
+        if distance <= best:
+            best, code = distance, POSED_RECEIVER + k
+    for k in range(scene.emitter_face.shape[0]):
+        distance = _posed_distance(scene, scene.emitter_face[k], x, y, z, dx, dy, dz)
+        if distance <= best:
+            best, code = distance, POSED_EMITTER + k
+    return min(best, limit), code
+
+
+@njit()
+def _posed_distance(
+    scene: OracleScene, face: FloatArray, x: float, y: float, z: float, dx: float, dy: float, dz: float
+) -> float:
+    """Distance at which a ray meets the front of one face [mm]; infinite if it does not, or if the row is NaN."""
+    toward = face[3] * dx + face[4] * dy + face[5] * dz
+    if not toward < 0.0:
+        return math.inf
+    px, py, pz = x - face[0], y - face[1], z - face[2]
+    distance = -(px * face[3] + py * face[4] + pz * face[5]) / toward
+    if distance < 0.0:
+        return math.inf
+    px, py, pz = px + distance * dx, py + distance * dy, pz + distance * dz
+    across = px * face[6] + py * face[7] + pz * face[8]
+    if abs(across) > face[12] or abs(px * face[9] + py * face[10] + pz * face[11]) > face[13]:
+        return math.inf
+    if pz + face[2] > untouched_top(scene, px + face[0], py + face[1]):
+        return math.inf
+    return float(distance)
 
 
 @njit()

@@ -124,9 +124,9 @@ class OracleLight:
     class_standard_error : (class, state, emitter, receiver) standard error of `flux` [-]
     standard_error : (state, emitter, receiver) standard error of the flux summed over classes [-]
     ledger : (fate, state, emitter) share of the emitted power by fate (`FATES`) [-]: received, by class; absorbed at
-        walls, bottom and tip, and in the volume; escaped through the top; `uncounted` light, which met a receiver but
-        was not counted; `unsubmerged` light, radiated by the part of the emitter that is above the surface;
-        `unresolved` light, whose rays were given up. The sum over fates is 1
+        walls, bottom, tip and skin, and in the volume; escaped through the top; `uncounted` light, which met a receiver
+        but was not counted; `unsubmerged` light, radiated by the part of the emitter that is above the surface or below
+        the bottom; `unresolved` light, whose rays were given up. The sum over fates is 1
     rays : number of rays per emitter and state
     seed : seed of the random streams
     """

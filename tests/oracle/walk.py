@@ -2,12 +2,15 @@
 
 Model
 -----
-Geometrical optics, unpolarised, one wavelength. An emitter is a rectangle on a wall; every point of it radiates cosᵐθ,
-or a tabulated pattern, into the elastomer. A ray flies straight to the nearest wall, bottom or top. The top reflects by
-Fresnel's equations; transmitted light continues in air and may enter again. Walls, emitter faces, the bottom and the
-tip in contact are Lambertian. Smooth walls and the emitters' faces in them mirror Fresnel's share first, and scatter
-part of the rest. Receivers absorb all light that meets them, and count all of it or a share that depends on the angle
-of arrival.
+Geometrical optics, unpolarised, one wavelength. An emitter is a rectangle on a wall or with a pose
+(`tests.oracle.scene`); every point of it radiates cosᵐθ, or a tabulated pattern, into the elastomer. A ray flies
+straight to the nearest wall, bottom, top or front of a face with a pose. The top reflects by Fresnel's equations;
+transmitted light continues in air and may enter again. Walls, emitter faces, the bottom and the tip in contact are
+Lambertian. Smooth walls and the emitters' faces in them mirror Fresnel's share first, and scatter part of the rest.
+Receivers absorb all light that meets them, and count all of it or a share that depends on the angle of arrival.
+
+A top with a skin reflects a fixed share of the light, by a mirror or Lambertian, and absorbs the rest. Nothing passes
+it. A press changes its shape only, so contact is like the rest of the top.
 
 Random decisions and weight
 ---------------------------
@@ -45,13 +48,19 @@ from tests.oracle.chance import (
     table_value,
 )
 from tests.oracle.scene import (
+    BARE,
     BOTTOM_FACE,
     NO_FACE,
+    POSED_EMITTER,
+    POSED_RECEIVER,
+    SPECULAR,
+    UNIT_TOLERANCE,
     OracleScene,
     emission_point,
     face_hit,
     fresnel_reflectance,
     inward_normal,
+    posed_hit,
     receiver_at,
     refracted_direction,
     untouched_top,
@@ -178,6 +187,7 @@ FATES = (
     "uncounted",
     "unsubmerged",
     "unresolved",
+    "skin",
 )
 """Possible ends of light: the first six are classes of received light, the others are losses."""
 (
@@ -195,7 +205,8 @@ FATES = (
     UNCOUNTED,
     UNSUBMERGED,
     UNRESOLVED,
-) = range(14)
+    SKIN,
+) = range(15)
 
 SKIRT_SLOPE = 0.02
 """Slope of the pressed top against the untouched top [-]; a reflection where it is larger makes a path a `skirt`
@@ -207,7 +218,10 @@ STEP_LIMIT = 10_000
 @njit()
 def emission_direction(scene: OracleScene, emitter: int, u: float, v: float) -> tuple[float, float, float]:
     """Random direction of an emitter's light, by its table or its Lambertian order; u, v are random in [0, 1)."""
-    nx, ny, nz = inward_normal(scene, scene.emitter_wall[emitter], 0.0, 0.0)  # a flat wall's, at any point
+    face = (
+        scene.emitter_wall[emitter] if math.isnan(scene.emitter_face[emitter, 0]) else POSED_EMITTER + emitter
+    )
+    nx, ny, nz = inward_normal(scene, face, 0.0, 0.0)  # a flat face's, at any point
     if scene.emitter_pattern.shape[2] > 0 and not math.isnan(scene.emitter_pattern[0, emitter, 0]):
         cosine = pattern_cosine(scene.emitter_pattern[0, emitter], scene.emitter_pattern[1, emitter], u)
         return direction_about(nx, ny, nz, cosine, v)
@@ -235,7 +249,7 @@ def walk(
     stream, u = draw(stream)
     stream, v = draw(stream)
     x, y, z = emission_point(scene, emitter, u, v)
-    if z > untouched_top(scene, x, y) or not is_in_elastomer(top, x, y, z):
+    if z < -UNIT_TOLERANCE or z > untouched_top(scene, x, y) or not is_in_elastomer(top, x, y, z):
         return UNSUBMERGED, -1, 1.0, 0
     stream, u = draw(stream)
     stream, v = draw(stream)
@@ -285,12 +299,26 @@ def walk_inside(
     (x, y, z), (dx, dy, dz) = place, direction
     for _ in range(STEP_LIMIT):
         distance, face = face_hit(scene, x, y, z, dx, dy, dz)
+        distance, posed = posed_hit(scene, x, y, z, dx, dy, dz, distance)
+        face = face if posed == NO_FACE else posed
         distance, what, nx, ny, nz = top_hit(top, INSIDE, (x, y, z, dx, dy, dz), distance)
         x, y, z = x + distance * dx, y + distance * dy, z + distance * dz
         weight *= math.exp(-scene.absorption * distance)
         count = record(vertices, count, x, y, z)
         stream, chance = draw(stream)
-        if what != NOTHING and what != CONTACT:
+        if what != NOTHING and scene.top_finish != BARE:
+            cosine = dx * nx + dy * ny + dz * nz
+            x, y, z = x - NUDGE_MM * nx, y - NUDGE_MM * ny, z - NUDGE_MM * nz
+            if cosine <= 0.0:
+                continue
+            if chance >= scene.top_reflectance:
+                return SKIN, -1, weight, count, stream, place, direction
+            if scene.top_finish == SPECULAR:
+                dx, dy, dz = dx - 2.0 * cosine * nx, dy - 2.0 * cosine * ny, dz - 2.0 * cosine * nz
+                path = max(path, SKIRT if is_steep(top, SKIRT_SLOPE, (x, y, z, nx, ny, nz)) else TOP)
+                continue
+            nx, ny, nz = -nx, -ny, -nz
+        elif what != NOTHING and what != CONTACT:
             cosine = dx * nx + dy * ny + dz * nz
             if cosine > 0.0:
                 if chance >= fresnel_reflectance(cosine, scene.refractive_index):
@@ -301,19 +329,21 @@ def walk_inside(
                 path = max(path, SKIRT if is_steep(top, SKIRT_SLOPE, (x, y, z, nx, ny, nz)) else TOP)
             x, y, z = x - NUDGE_MM * nx, y - NUDGE_MM * ny, z - NUDGE_MM * nz
             continue
-        if what == CONTACT:
+        elif what == CONTACT:
             if chance >= scene.tip_reflectance:
                 return TIP, -1, weight, count, stream, place, direction
             nx, ny, nz = -nx, -ny, -nz
             x, y, z = x + NUDGE_MM * nx, y + NUDGE_MM * ny, z + NUDGE_MM * nz
-        elif face == BOTTOM_FACE:
+        elif face == BOTTOM_FACE or face >= POSED_EMITTER:
             if chance >= scene.bottom_reflectance:
                 return BOTTOM, -1, weight, count, stream, place, direction
             nx, ny, nz = inward_normal(scene, face, x, y)
         else:
             nx, ny, nz = inward_normal(scene, face, x, y)
             cosine = -(dx * nx + dy * ny + dz * nz)
-            receiver = receiver_at(scene, face, x, y, z)
+            receiver = face - POSED_RECEIVER
+            if receiver < 0:
+                receiver = receiver_at(scene, face, x, y, z)
             if receiver >= 0:
                 if chance >= _counted_share(scene, receiver, cosine):
                     path, receiver = UNCOUNTED, -1
