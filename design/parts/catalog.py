@@ -81,6 +81,7 @@ from optopad.design.parts.elastomer import (
     refractive_index,
     youngs_modulus_mpa,
 )
+from optopad.design.parts.skin import ReflectanceTable, Skin
 from optopad.design.parts.spectrum import Spectrum
 
 __all__ = [
@@ -102,7 +103,9 @@ __all__ = [
     "Multiplexer",
     "Part",
     "Quantity",
+    "ReflectanceTable",
     "ShiftRegister",
+    "Skin",
     "Transistor",
     "find_amplifier",
     "find_board",
@@ -110,6 +113,7 @@ __all__ = [
     "find_elastomer",
     "find_mold_material",
     "find_part",
+    "find_skin",
     "find_transistor",
     "merged",
     "packaged",
@@ -123,6 +127,7 @@ PACKAGED_FILES = (
     "receivers",
     "elastomers",
     "mold_materials",
+    "skins",
     "boards",
     "circuits",
     "electronics",
@@ -498,7 +503,15 @@ def _assumed_v() -> float:
 class CatalogEntries(Model):
     """Catalogue entries by identifier, in the same form for the packaged files and a user's file."""
 
-    unsaid = ("multiplexers", "shift_registers", "converters", "led_drivers", "amplifiers", "transistors")
+    unsaid = (
+        "multiplexers",
+        "shift_registers",
+        "converters",
+        "led_drivers",
+        "amplifiers",
+        "transistors",
+        "skins",
+    )
 
     parts: dict[PartId, Part] = Field(default_factory=dict)
     elastomers: dict[PartId, Elastomer] = Field(default_factory=dict)
@@ -510,6 +523,7 @@ class CatalogEntries(Model):
     led_drivers: dict[PartId, LedDriver] = Field(default_factory=dict)
     amplifiers: dict[PartId, Amplifier] = Field(default_factory=dict)
     transistors: dict[PartId, Transistor] = Field(default_factory=dict)
+    skins: dict[PartId, Skin] = Field(default_factory=dict)
 
 
 @cache
@@ -527,7 +541,7 @@ def parse_entries(mapping: Mapping[str, Any], where: str) -> CatalogEntries:
     Parameters
     ----------
     mapping : tables `parts`, `elastomers`, `mold_materials`, `boards`, `multiplexers`, `shift_registers`,
-        `converters`, `led_drivers`, `amplifiers`, `transistors`, each {identifier: fields}
+        `converters`, `led_drivers`, `amplifiers`, `transistors`, `skins`, each {identifier: fields}
     where : name of the file, for messages
 
     Raises
@@ -606,6 +620,11 @@ def find_amplifier(entries: CatalogEntries, amplifier_id: str) -> Amplifier:
 def find_transistor(entries: CatalogEntries, transistor_id: str) -> Transistor:
     """Find the transistor with an identifier; DesignError with similar names if there is none."""
     return _find(entries.transistors, transistor_id, "transistor", "transistors")
+
+
+def find_skin(entries: CatalogEntries, skin_id: str) -> Skin:
+    """Find the skin with an identifier; DesignError with similar names if there is none."""
+    return _find(entries.skins, skin_id, "skin", "skins")
 
 
 def _find(table: Mapping[str, Entry], name: str, noun: str, section: str) -> Entry:

@@ -15,6 +15,7 @@ from optopad.design.fields.base import Model, nearest
 from optopad.design.fields.quantity import CONFIDENCES, Confidence, Quantity
 from optopad.design.parts.catalog import Board, CatalogEntries, Elastomer, MoldMaterial, Part
 from optopad.design.parts.circuits import Amplifier
+from optopad.design.parts.skin import Skin
 
 MOST_FIGURES = 4
 _TITLES = {"elastomers": "silicones", "mold_materials": "plastics"}
@@ -139,6 +140,14 @@ def _plastic(plastic: MoldMaterial) -> str:
     return f"reflectance {plastic.wall_reflectance.value:g}{index}, {_of(plastic.density_g_per_cm3)}"
 
 
+def _skin(skin: Skin) -> str:
+    return (
+        f"{skin.finish}, reflectance {_ends(list(skin.reflectance.share))} "
+        f"({_ends([*skin.reflectance.low, *skin.reflectance.high])}), {_of(skin.thickness_mm)} thick, "
+        f"modulus {_of(skin.youngs_modulus_mpa)}"
+    )
+
+
 def _board(board: Board) -> str:
     link = f"USB {board.usb_bytes_per_s:,} bytes/s" if board.usb_bytes_per_s else "serial"
     return (
@@ -197,5 +206,6 @@ _FIGURES: dict[type[Model], Callable[[Any], str]] = {
     Amplifier: _amplifier,
     Elastomer: _silicone,
     MoldMaterial: _plastic,
+    Skin: _skin,
     Board: _board,
 }

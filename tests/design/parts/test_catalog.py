@@ -222,6 +222,36 @@ def test_modulus_outside_the_rows_is_refused_with_the_range():
         catalog.youngs_modulus_mpa(SYLGARD, 40)
 
 
+# skins
+
+
+def test_reflectance_of_a_skin_is_linear_between_wavelengths_with_its_band():
+    skin = catalog.find_skin(ENTRIES, "gelsight-aluminium")
+    found = skin.reflectance_at(775.0)  # half-way between 0.55 at 700 nm and 0.52 at 850 nm
+    assert found.value == pytest.approx(0.535)
+    assert (found.low, found.high) == (pytest.approx(0.3), pytest.approx(0.79))
+    assert (found.unit, found.confidence) == ("1", "unverified")
+
+
+def test_reflectance_of_a_skin_outside_its_table_is_refused_with_the_range():
+    with pytest.raises(DesignError, match=r"from 400 to 1000 nm, not at 1100 nm; give top\.finish"):
+        catalog.find_skin(ENTRIES, "white-silicone").reflectance_at(1100.0)
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "message"),
+    [
+        ("share", [0.5], "wavelength_nm has 2 entries, share 1: they pair up"),
+        ("low", [0.0, 0.1], "the band 0.1 to 0.04 does not include the value 0.02"),
+        ("wavelength_nm", [1000.0, 400.0], "wavelength_nm must rise"),
+    ],
+)
+def test_a_bad_reflectance_of_a_skin_is_refused(field, value, message):
+    fields = plain(ENTRIES.skins["black-silicone"])
+    fields["reflectance"][field] = value
+    assert message in refused({"skins": {"mine": fields}})
+
+
 # look-up
 
 
@@ -243,6 +273,7 @@ def test_a_part_of_the_other_kind_is_refused_as_such():
         (catalog.find_elastomer, "sylgard184", "sylgard-184"),
         (catalog.find_mold_material, "abs", "abs-black"),
         (catalog.find_board, "arduino-mega", "arduino-mega-2560"),
+        (catalog.find_skin, "gelsight", "gelsight-aluminium"),
     ],
 )
 def test_every_look_up_names_the_nearest_entry(find, name, nearest):
