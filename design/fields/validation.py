@@ -128,6 +128,9 @@ def _is_marker(key: str) -> bool:
         "single",
         "disc_ring",
         "at_angles",
+        "grid",
+        "checkerboard",
+        "ring_inside",
         "ring",
     }
 

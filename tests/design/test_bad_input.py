@@ -47,7 +47,7 @@ def test_a_bad_design_is_refused_in_the_users_words(tmp_path: Path) -> None:
 
 
 def test_all_faults_of_a_file_are_named_at_once(tmp_path: Path) -> None:
-    text = design_text({"cavity.length_mm": "-1.0", "name": '"a/b"', "emitters.height_mm": None})
+    text = design_text({"cavity.length_mm": "-1.0", "name": '"a/b"', "emitters.part": None})
     (tmp_path / FILE_NAME).write_text(text, encoding="utf-8")
     with pytest.raises(DesignError) as caught:
         load_design(tmp_path / FILE_NAME)
@@ -56,8 +56,18 @@ def test_all_faults_of_a_file_are_named_at_once(tmp_path: Path) -> None:
     assert [line.split(":")[0].strip() for line in lines[1:]] == [
         "name",
         "cavity.length_mm",
-        "emitters.height_mm",
+        "emitters.part",
     ]
+
+
+@pytest.mark.parametrize("kind", ["emitter", "receiver"])
+def test_a_part_in_a_wall_needs_a_height(tmp_path: Path, kind: str) -> None:
+    (tmp_path / FILE_NAME).write_text(design_text({f"{kind}s.height_mm": None}), encoding="utf-8")
+    with pytest.raises(
+        DesignError,
+        match=rf"{kind}s\.height_mm is missing: {kind[0].upper()}1 in the south wall needs it; add",
+    ):
+        load_design(tmp_path / FILE_NAME)
 
 
 @pytest.mark.parametrize(

@@ -15,22 +15,43 @@ from hypothesis import strategies as st
 from pydantic import BaseModel
 
 from optopad.design.spec import SensorDesign
-from optopad.design.spec.layout import AlternatingRing, AtAngles, DiscRing, FacingRows, PerSide, Ring, Single
+from optopad.design.spec.layout import (
+    AlternatingRing,
+    AtAngles,
+    Checkerboard,
+    DiscRing,
+    FacingRows,
+    Grid,
+    PerSide,
+    Ring,
+    RingInside,
+    Single,
+)
 from tests.design.bad_designs import design_text
 
-PATTERNS: dict[type[BaseModel], dict[str, Any]] = {
-    AlternatingRing: {"pattern": "alternating_ring", "parts_per_side": 4},
-    FacingRows: {"pattern": "facing_rows", "count": 2},
-    PerSide: {"pattern": "per_side", "kind": "emitter", "south": 1},
-    Ring: {"pattern": "ring", "emitters": 2, "receivers": 4},
-    Single: {"pattern": "single", "kind": "emitter", "wall": "north", "along_mm": 16.0},
-}
-"""Each layout pattern of a rectangle, and the least that it needs."""
-DISC_PATTERNS: dict[type[BaseModel], dict[str, Any]] = {
-    DiscRing: {"pattern": "disc_ring", "count": 4},
-    AtAngles: {"pattern": "at_angles", "kind": "emitter", "angles_deg": [10.0, 200.0]},
-}
-"""Those of a disc."""
+Patterns = tuple[tuple[type[BaseModel], dict[str, Any]], ...]
+FLOOR_PATTERNS: Patterns = (
+    (Grid, {"pattern": "grid", "kind": "coupler", "columns": 2, "rows": 2, "pitch_mm": 8.0, "apart_mm": 3.0}),
+    (Checkerboard, {"pattern": "checkerboard", "columns": 2, "rows": 2, "pitch_mm": 8.0}),
+    (RingInside, {"pattern": "ring_inside", "emitters": 2, "receivers": 4, "inset_mm": 5.0}),
+    (Single, {"pattern": "single", "kind": "emitter", "wall": "floor", "x_mm": 16.0, "y_mm": 12.0}),
+)
+"""Each layout pattern of the floor, and the least that it needs; a part on the floor has no `along_mm`."""
+PATTERNS: Patterns = (
+    (AlternatingRing, {"pattern": "alternating_ring", "parts_per_side": 4}),
+    (FacingRows, {"pattern": "facing_rows", "count": 2}),
+    (PerSide, {"pattern": "per_side", "kind": "emitter", "south": 1}),
+    (Ring, {"pattern": "ring", "emitters": 2, "receivers": 4}),
+    (Single, {"pattern": "single", "kind": "emitter", "wall": "north", "along_mm": 16.0}),
+)
+"""The same of the straight walls of a rectangle."""
+DISC_PATTERNS: Patterns = (
+    (DiscRing, {"pattern": "disc_ring", "count": 4}),
+    (AtAngles, {"pattern": "at_angles", "kind": "emitter", "angles_deg": [10.0, 200.0]}),
+)
+"""The same of the wall of a disc."""
+OF_THE_FLOOR = ("x_mm", "y_mm", "tilt_deg", "turn_deg")
+"""Fields of a single part that a wall does not permit."""
 OF_A_DISC = ("cavity.diameter_mm", "mold.outer_diameter_mm")
 OF_A_RECTANGLE = ("cavity.length_mm", "cavity.width_mm", "mold.outer_length_mm", "mold.outer_width_mm")
 
@@ -97,7 +118,7 @@ def good_disc(**changes: Any) -> SensorDesign:
     del document["mold"]["outer_length_mm"], document["mold"]["outer_width_mm"]
     document["cavity"] |= {"outline": "disc", "diameter_mm": 40.0}
     document["mold"]["outer_diameter_mm"] = 56.0
-    document["layout"] = [dict(DISC_PATTERNS[DiscRing])]
+    document["layout"] = [dict(DISC_PATTERNS[0][1])]
     design = SensorDesign.from_document(document, where="good disc")
     return design.with_(**{path.replace("__", "."): value for path, value in changes.items()})
 
@@ -105,7 +126,7 @@ def good_disc(**changes: Any) -> SensorDesign:
 def limited_fields() -> list[NumericField]:
     """Every number of the schema that has both limits; patterns stand at `layout.0`."""
     found = list(_fields_of(SensorDesign, ""))
-    for pattern in (*PATTERNS, *DISC_PATTERNS):
+    for pattern, _ in (*PATTERNS, *DISC_PATTERNS, *FLOOR_PATTERNS):
         known = {field.path for field in found}
         found += [field for field in _fields_of(pattern, "layout.0.") if field.path not in known]
     return [field for field in found if _is_limited(field)]
@@ -119,7 +140,16 @@ def unlimited_fields() -> list[str]:
 def pattern_of(path: str) -> dict[str, Any]:
     """The least that a layout pattern with this field needs."""
     name = path.split(".")[2]
-    return next(dict(least) for model, least in PATTERNS.items() if name in model.model_fields)
+    return next(
+        dict(least) for model, least in (*PATTERNS, *FLOOR_PATTERNS) if name in _permitted(model, least)
+    )
+
+
+def _permitted(model: type[BaseModel], least: dict[str, Any]) -> set[str]:
+    """Names of the fields that go with the least that a pattern needs."""
+    wall = least.get("wall")
+    others = () if wall is None else ("along_mm",) if wall == "floor" else OF_THE_FLOOR
+    return set(model.model_fields).difference(others)
 
 
 def designs() -> st.SearchStrategy[SensorDesign]:
@@ -127,7 +157,7 @@ def designs() -> st.SearchStrategy[SensorDesign]:
     values = {
         field.path: _values(field)
         for field in _fields_of(SensorDesign, "")
-        if _is_limited(field) and not field.path.startswith(("indenter.", "crown."))
+        if _is_limited(field) and not field.path.startswith(("indenter.", "crown.", "top."))
     }
     radius = st.floats(3.0, 100_000.0)
     crown = st.one_of(
@@ -136,11 +166,16 @@ def designs() -> st.SearchStrategy[SensorDesign]:
             {"shape": st.just("cylinder"), "radius_mm": radius, "axis": st.sampled_from(["x", "y"])}
         ),
     )
+    top = st.fixed_dictionaries(
+        {"finish": st.sampled_from(["diffuse", "specular"]), "reflectance": st.floats(0.0, 0.99)},
+        optional={"thickness_mm": st.floats(0.0, 5.0), "black_outside": st.booleans()},
+    )
     ids = st.from_regex(r"[a-z0-9][a-z0-9-]{0,20}", fullmatch=True)
     others = {
         "name": st.from_regex(r"[A-Za-z0-9]([A-Za-z0-9._-]{0,19}[A-Za-z0-9_-])?", fullmatch=True),
         "description": st.text(st.characters(exclude_categories=["Cs"]), max_size=30),
         "crown": crown,
+        "top": top,
         "measured": st.lists(st.sampled_from(["emitters.height_mm", "board.baud"]), unique=True),
         "part_measurements": st.dictionaries(
             ids, st.dictionaries(st.just("active_width_mm"), st.floats(-1e6, 1e6), min_size=1), max_size=2
@@ -153,7 +188,10 @@ def designs() -> st.SearchStrategy[SensorDesign]:
         given = st.fixed_dictionaries({}, optional={**own, **others, "layout": layout})
         return st.tuples(given, tips()).map(lambda parts: made(**parts[0], **parts[1]))
 
-    return st.one_of(of(PATTERNS, OF_A_DISC, good), of(DISC_PATTERNS, OF_A_RECTANGLE, good_disc))
+    return st.one_of(
+        of((*PATTERNS, *FLOOR_PATTERNS), OF_A_DISC, good),
+        of((*DISC_PATTERNS, *FLOOR_PATTERNS), OF_A_RECTANGLE, good_disc),
+    )
 
 
 def tips() -> st.SearchStrategy[dict[str, Any]]:
@@ -180,17 +218,17 @@ def profile_through(steps: list[float]) -> list[list[float]]:
     return [[3.0 * share, 2.0 * share**2] for share in along]
 
 
-def _patterns(patterns: dict[type[BaseModel], dict[str, Any]]) -> list[st.SearchStrategy[dict[str, Any]]]:
+def _patterns(patterns: Patterns) -> list[st.SearchStrategy[dict[str, Any]]]:
     return [
         st.fixed_dictionaries(
             {key: st.just(value) for key, value in least.items()},
             optional={
                 field.path: _values(field)
                 for field in _fields_of(model, "")
-                if _is_limited(field) and field.path not in least
+                if _is_limited(field) and field.path not in least and field.path in _permitted(model, least)
             },
         )
-        for model, least in patterns.items()
+        for model, least in patterns
     ]
 
 
