@@ -164,6 +164,7 @@ def entry_findings(draft: Draft) -> Iterator[Finding]:
         draft.entries,
         ("elastomer.material", catalog.find_elastomer, design.elastomer.material),
         ("mold.material", catalog.find_mold_material, design.mold.material),
+        *((("top.skin", catalog.find_skin, design.top.skin),) if design.top and design.top.skin else ()),
         *_electronics(design),
     )
 

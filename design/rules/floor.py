@@ -168,7 +168,7 @@ def skin_findings(draft: Draft) -> Iterator[Finding]:
     (Allen, Analysis and Design of Structural Sandwich Panels, 1969, ch. 8: wrinkling of a face on its core).
     """
     top = draft.design.top
-    if top is None:
+    if top is None or (top.skin is not None and top.skin not in draft.entries.skins):
         return
     if draft.design.surfaces.wall_finish != "diffuse":
         yield error(

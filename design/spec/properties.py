@@ -363,17 +363,28 @@ class SkinUse:
 
 
 def skin_of(design: SensorDesign) -> SkinUse | None:
-    """The skin on a design's top; None for a bare one."""
+    """The skin on a design's top; None for a bare one.
+
+    Raises
+    ------
+    DesignError : the skin is not in the catalogue, or its table does not reach the emitters' wavelength.
+    """
     top = design.top
     if top is None:
         return None
-    assert top.finish is not None
-    assert top.reflectance is not None
+    named = None if top.skin is None else catalog.find_skin(entries_of(design), top.skin)
+    own = {
+        name: _measured(unit, value)
+        for name, unit in (("reflectance", "1"), ("thickness_mm", "mm"), ("youngs_modulus_mpa", "MPa"))
+        if (value := getattr(top, name)) is not None
+    }
+    if named is not None and "reflectance" not in own:
+        own["reflectance"] = named.reflectance_at(NM_PER_UM * wavelength_um(design))
+    finish = top.finish or (None if named is None else named.finish)
+    assert finish is not None  # the schema requires it without a name
     return SkinUse(
-        finish=top.finish,
-        reflectance=_measured("1", top.reflectance),
-        thickness_mm=None if top.thickness_mm is None else _measured("mm", top.thickness_mm),
-        youngs_modulus_mpa=None
-        if top.youngs_modulus_mpa is None
-        else _measured("MPa", top.youngs_modulus_mpa),
+        finish=finish,
+        reflectance=own["reflectance"],
+        thickness_mm=own.get("thickness_mm", None if named is None else named.thickness_mm),
+        youngs_modulus_mpa=own.get("youngs_modulus_mpa", None if named is None else named.youngs_modulus_mpa),
     )

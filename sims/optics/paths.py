@@ -35,8 +35,10 @@ from optopad.sims.optics.engine.general import rays, scattered, top
 from optopad.sims.optics.engine.general.lower import formed_top, walls_of, windows_of
 from optopad.sims.optics.engine.general.rays import (
     BOTTOM,
+    INSIDE,
     NX,
     NY,
+    NZ,
     ORDER,
     TABLE,
     TOP,
@@ -44,12 +46,16 @@ from optopad.sims.optics.engine.general.rays import (
     lobe,
     meeting,
     mirrored,
+    onto,
     plan_exit,
     window_point,
 )
-from optopad.sims.optics.engine.general.scattered import about, window_at
+from optopad.sims.optics.engine.general.scattered import about, face_before, window_at
 from optopad.sims.optics.engine.general.top import (
+    BARE,
+    MIRRORING,
     OUTER,
+    SKIN,
     FormedTop,
     above,
     into,
@@ -79,6 +85,7 @@ FATES = (
     "tip",
     "escaped",
     "uncounted",
+    "skin",
 )
 """Possible ends of light: the first six are classes of received light, the others are losses."""
 (
@@ -93,10 +100,11 @@ FATES = (
     ON_TIP,
     ESCAPED,
     UNCOUNTED,
-) = range(11)
+    ON_SKIN,
+) = range(12)
 LEFT_OUT = -1
 """End of a ray that would start above the top, or meets more than `PLACES` surfaces."""
-TIP, AWAY = -3, -4
+TIP, AWAY = -4, -5
 """Codes of what a ray in air meets, besides those of `rays`."""
 LOST = -1
 """Stands for a receiver's number where light reaches no receiver."""
@@ -119,6 +127,7 @@ class Pad(NamedTuple):
     reflectances : of walls, bottom and tip [-]
     refractive_index : of the elastomer [-]
     wall_ratio : that index divided by the index behind smooth walls [-]; 0 if walls only scatter
+    skin : share of the light that a skin on the top mirrors or scatters [-]
     solid : the tip in press coordinates: height of its sphere's centre, and radius of the sphere (0 if none); radius of
         the cylinder above, and the height where that starts [mm]
     """
@@ -131,6 +140,7 @@ class Pad(NamedTuple):
     reflectances: tuple[float, float, float]
     refractive_index: float
     wall_ratio: float
+    skin: float
     solid: tuple[float, float, float, float]
 
 
@@ -269,17 +279,19 @@ def _walk(
         cosine = (1.0 - u) ** (1.0 / (window[ORDER] + 1.0))
     else:
         cosine = _table_cosine(window, pad.shares[emitter], u)
-    dx, dy, dz = about(-window[NX], -window[NY], 0.0, cosine, v)
+    dx, dy, dz = about(-window[NX], -window[NY], -window[NZ], cosine, v)
     places[0, 0], places[0, 1], places[0, 2] = x, y, z
     path, in_air = DIRECT, False
     for count in range(1, PLACES):
-        nx, ny, nz = 0.0, 0.0, 0.0
+        nx, ny, nz, receiver = 0.0, 0.0, 0.0, LOST
         if in_air:
             t, what, nx, ny, nz = _met_in_air(pad, top, x, y, z, dx, dy, dz)
             if what == AWAY:
                 return ESCAPED, LOST, count
         else:
             t, what = meeting(x, y, z, dx, dy, dz, pad.walls, pad.arcs, top)
+            t, receiver = face_before(x, y, z, dx, dy, dz, t, pad.receivers)
+            what = what if receiver < 0 else INSIDE
         x, y, z = x + t * dx, y + t * dy, z + t * dz
         places[count, 0], places[count, 1], places[count, 2] = x, y, z
         stream, chance = _draw(stream)
@@ -287,7 +299,16 @@ def _walk(
             px, py, _ = into(top, x, y, z)
             nx, ny, nz = normal_at(top, px, py)
             nx, ny, nz = out_of(top, nx, ny, nz)
-            if is_contact(top, px, py):
+            if top.numbers[SKIN] != BARE:
+                if chance >= pad.skin:
+                    return ON_SKIN, LOST, count + 1
+                if top.numbers[SKIN] == MIRRORING:
+                    dx, dy, dz = mirrored(dx, dy, dz, nx, ny, nz)
+                    path = max(path, SKIRT if is_skirt(top, px, py) else MIRRORED)
+                    x, y, z = x - NUDGE_MM * nx, y - NUDGE_MM * ny, z - NUDGE_MM * nz
+                    continue
+                what, nx, ny, nz = TIP, -nx, -ny, -nz
+            elif is_contact(top, px, py):
                 what, nx, ny, nz = TIP, -nx, -ny, -nz
         if what == TOP:
             side = -1.0 if in_air else 1.0
@@ -310,8 +331,16 @@ def _walk(
                 path = path if in_air else CROSSING
             x, y, z = x + side * nx, y + side * ny, z + side * nz
             continue
+        if what == BOTTOM or what == INSIDE:
+            receiver = window_at(what, x, y, z, pad.receivers) if what == BOTTOM and not in_air else receiver
+            if receiver >= 0:
+                if chance >= math.pi * lobe(
+                    pad.receivers[receiver], onto(pad.receivers[receiver], dx, dy, dz)
+                ):
+                    return UNCOUNTED, LOST, count + 1
+                return path, receiver, count + 1
         if what == TIP:
-            if chance >= tip:
+            if top.numbers[SKIN] == BARE and chance >= tip:
                 return ON_TIP, LOST, count + 1
         elif what == BOTTOM:
             if chance >= bottom:
@@ -454,6 +483,7 @@ def _pad_of(scene: OpticalScene, press: Indentation | None) -> Pad:
         ),
         refractive_index=float(scene.refractive_index),
         wall_ratio=0.0 if scene.wall_index is None else float(scene.refractive_index / scene.wall_index),
+        skin=float(scene.top_reflectance),
         solid=_solid(press),
     )
 

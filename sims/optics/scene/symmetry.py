@@ -252,7 +252,7 @@ def _permutation(
 def _looks(poses: FloatArray) -> FloatArray:
     """(part, 2) plan directions in which faces with a pose look or are turned; 0 for those on walls."""
     turn = poses[:, 4]
-    return np.nan_to_num(np.column_stack([np.cos(turn), np.sin(turn)]), nan=0.0)
+    return np.asarray(np.nan_to_num(np.column_stack([np.cos(turn), np.sin(turn)]), nan=0.0))
 
 
 def _places(scene: OpticalScene, kind: str) -> FloatArray:
