@@ -331,7 +331,7 @@ def _walk(
                 path = path if in_air else CROSSING
             x, y, z = x + side * nx, y + side * ny, z + side * nz
             continue
-        if what == BOTTOM or what == INSIDE:
+        if what in (BOTTOM, INSIDE):
             receiver = window_at(what, x, y, z, pad.receivers) if what == BOTTOM and not in_air else receiver
             if receiver >= 0:
                 if chance >= math.pi * lobe(
