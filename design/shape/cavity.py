@@ -506,10 +506,11 @@ def _top_over_mm(bare: Plan, line: Line, along_mm: float, half_width_mm: float) 
     return min(bare.top_mm(*line.point(along_mm + side)) for side in (-half_width_mm, half_width_mm))
 
 
-FLOOR_REACH = 4.0
+FLOOR_REACH = 2.5
 """Largest distance of two parts on the floor that count as a pair with a path [thicknesses of the clear layer].
 
-Farther apart, light that a flat top mirrors between them makes 63 degrees or more with their axes.
+A bare flat top mirrors all light between parts that are 2.0 thicknesses apart or more (critical angle 45 degrees), and
+these pairs are the brightest. Under a skin, the brightest are nearer.
 """
 FACING_TOLERANCE_MM = 1e-6
 """Parts in opposite walls face each other if their positions along the walls differ by at most this [mm]."""

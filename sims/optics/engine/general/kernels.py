@@ -91,7 +91,7 @@ def points_on(
 @kernel
 def mirrored_matrix(
     emitters: FloatArray, receivers: FloatArray, wanted: BoolArray, points: FloatArray, share: float,
-    absorbs: float, index: float, walls: FloatArray, arcs: FloatArray, origin: FloatArray,
+    absorbs: float, index: float, walls: FloatArray, arcs: FloatArray, near: FloatArray, origin: FloatArray,
     axes: FloatArray, numbers: FloatArray, row: FloatArray, grid: FloatArray,
 ) -> FloatArray:  # fmt: skip
     """(2, batch, emitter, receiver) light mirrored by the top: never by the steep skirt, and at least once by it."""
@@ -101,8 +101,8 @@ def mirrored_matrix(
     for i in range(emitters.shape[0]):
         if wanted[i].any():
             mirrored_flux(
-                emitters[i], receivers, wanted[i], points, share, absorbs, index, walls, arcs, top, out[i],
-                work,
+                emitters[i], receivers, wanted[i], points, share, absorbs, index, walls, arcs, top,
+                near, out[i], work,
             )  # fmt: skip
     return out.transpose(1, 2, 0, 3).copy()
 

@@ -102,6 +102,10 @@ parts."""
 MOST_PARTS = 12
 """Largest number of parts into which an emitter is divided in each direction."""
 BATCHES = 4
+CELL_MM = 0.25
+"""Size of the cells in which the distance to receivers that look up is tabulated."""
+STEEP_ENOUGH = 0.05
+"""Least downward sine of a ray for the test whether it meets the bottom before the top."""
 WAYS, PART = CHAIN_WORK, CHAIN_WORK + 9
 """Columns of the array `work`: where the data of mirrored directions begin, and those of the emitter's part."""
 AT = PART + 5
@@ -115,7 +119,8 @@ SIGHT = 4
 @kernel
 def mirrored_flux(
     e: FloatArray, receivers: FloatArray, wanted: BoolArray, points: FloatArray, share: float, absorbs: float,
-    index: float, walls: FloatArray, arcs: FloatArray, top: FormedTop, out: FloatArray, work: FloatArray,
+    index: float, walls: FloatArray, arcs: FloatArray, top: FormedTop, near: FloatArray, out: FloatArray,
+    work: FloatArray,
 ) -> None:  # fmt: skip
     """Add an emitter's light by way of points of the top to `out` (2, batch, receiver): without and with steep skirt.
 
@@ -123,6 +128,8 @@ def mirrored_flux(
     points : (n, 10) by columns: point; normal out of the elastomer; area that the point represents [mm²]; 1 within the
         dimple's skirt, else 0; batch; number of points that this one represents for light mirrored several times
     share : largest size of a part of the emitter, relative to its distance from a point
+    near : least distance of each cell of `CELL_MM` in the plane of receivers that look up, counted from the origin, to
+        a requested one [mm]. Empty if they are not in one such plane
     work : (`SIGHTS` + `SIGHT` (receivers + 1),) workspace
     """
     pressed = top.numbers[OUTER] > 0.0
@@ -135,6 +142,10 @@ def mirrored_flux(
         away = -onto(e, p[PX] - e[CX], p[PY] - e[CY], p[PZ] - e[CZ])
         if away <= 1e-9 or p[DA] <= 0.0:
             continue
+        lands = _may_land(p, e, receivers, wanted, near)
+        is_often = p[CHAINS] > 0.0 and (pressed or top.numbers[KIND] != FLAT)
+        if not lands and not is_often:
+            continue
         if pressed:
             x, y, _ = into(top, p[PX], p[PY], p[PZ])
             work[AT], work[AT + 1], work[AT + 2] = x, y, dimple(top, x, y)[0]
@@ -146,14 +157,15 @@ def mirrored_flux(
         distance = math.sqrt(away * away + beside * beside + above * above)
         parts = 0
         # light mirrored once, and light mirrored often
-        for often in range(2 if p[CHAINS] > 0.0 and (pressed or top.numbers[KIND] != FLAT) else 1):
+        is_often = is_often and not (top.numbers[KIND] == FLAT and _ends_below(p, e, top, work))
+        for often in range(2 if is_often else 1):
             size = (CHAINS_SHARE if often else 1.0) * share * distance
             parts_u = min(int(2.0 * e[HALF_U] / size) + 1, MOST_PARTS)
             parts_v = min(int(2.0 * e[HALF_V] / size) + 1, MOST_PARTS)
             levels = LEVELS + (1 if parts_u * parts_v < parts else 0)
             parts = parts_u * parts_v
             size_u, size_v = e[HALF_U] / parts_u, e[HALF_V] / parts_v
-            if often == 0 and not _may_land(p, e, receivers, wanted):
+            if often == 0 and not lands:
                 continue
             element = 4.0 * size_u * size_v / e[AREA] * p[DA] * (p[CHAINS] if often else 1.0)
             for a in range(parts_u):
@@ -174,7 +186,28 @@ def mirrored_flux(
 
 
 @kernel
-def _may_land(p: FloatArray, e: FloatArray, receivers: FloatArray, wanted: BoolArray) -> bool:
+def _ends_below(p: FloatArray, e: FloatArray, top: FormedTop, work: FloatArray) -> bool:
+    """Whether no light of an emitter that a point of a flat, pressed top mirrors meets the top again.
+
+    This is certain if the dimple hides no line from the point to the part of the bottom where the light goes.
+    """
+    x, y, z = p[PX] - e[CX], p[PY] - e[CY], p[PZ] - e[CZ]
+    away = math.sqrt(x * x + y * y + z * z)
+    dx, dy, dz = mirrored(x / away, y / away, z / away, p[MX], p[MY], p[MZ])
+    spread = math.hypot(e[HALF_U], e[HALF_V]) / away
+    least = -dz - spread  # sine of the flattest ray's slope, at least
+    if least <= STEEP_ENOUGH:
+        return False
+    t = -p[PZ] / dz
+    around = p[PZ] / least * (1.0 + spread) - p[PZ] / (-dz + spread) * (1.0 - spread)
+    tx, ty, tz = into(top, p[PX] + t * dx, p[PY] + t * dy, 0.0)
+    return is_open(top, work[AT], work[AT + 1], work[AT + 2], tx, ty, around, tz)
+
+
+@kernel
+def _may_land(
+    p: FloatArray, e: FloatArray, receivers: FloatArray, wanted: BoolArray, near: FloatArray
+) -> bool:
     """Whether some ray of an emitter, mirrored at a point of the top, may reach a requested receiver's window.
 
     Seen from the point, the emitter is within a cone about the direction of its middle, and each window is within
@@ -188,6 +221,15 @@ def _may_land(p: FloatArray, e: FloatArray, receivers: FloatArray, wanted: BoolA
         return True
     cosine = math.sqrt(1.0 - sine * sine)
     dx, dy, dz = mirrored(x / away, y / away, z / away, p[MX], p[MY], p[MZ])
+    least = -dz * cosine - sine  # cosine of the flattest ray to the vertical, at least
+    if near.shape[0] > 0 and least > STEEP_ENOUGH:
+        down = p[PZ] - receivers[0, CZ]
+        a = min(
+            max(int((p[PX] - down * dx / dz) / CELL_MM), 0), near.shape[0] - 1
+        )  # outside, the border is nearer
+        b = min(max(int((p[PY] - down * dy / dz) / CELL_MM), 0), near.shape[1] - 1)
+        if near[a, b] > down * sine / (-dz * least):
+            return False
     for j in range(receivers.shape[0]):
         r = receivers[j]
         if not wanted[j] or share_wall(e, r):
@@ -197,8 +239,13 @@ def _may_land(p: FloatArray, e: FloatArray, receivers: FloatArray, wanted: BoolA
         wide2 = r[HALF_U] * r[HALF_U] + r[HALF_V] * r[HALF_V]
         if wide2 >= far2:
             return True
+        along = x * dx + y * dy + z * dz
+        if along > 0.0 and (far2 - along * along) * cosine * cosine > 2.0 * (
+            wide2 + along * along * sine * sine
+        ):
+            continue  # far outside both cones, without a root
         nearest = cosine * math.sqrt(far2 - wide2) - sine * math.sqrt(wide2)
-        if x * dx + y * dy + z * dz > nearest - 1e-9 * far2:
+        if along > nearest - 1e-9 * far2:
             return True
     return False
 

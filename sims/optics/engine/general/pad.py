@@ -18,9 +18,10 @@ from optopad.design.arrays import BoolArray, FloatArray
 from optopad.sims.compiling import listen_to_numba
 from optopad.sims.optics.accuracy import Accuracy
 from optopad.sims.optics.engine.general.lower import formed_top, walls_of, windows_of
+from optopad.sims.optics.engine.general.mirrored import CELL_MM
 from optopad.sims.optics.engine.general.patches import PatchLayout, patch_layout
 from optopad.sims.optics.engine.general.points import GridPoints, TopGrid, pitch_of, points_of, top_grid
-from optopad.sims.optics.engine.general.rays import AREA, TABLE
+from optopad.sims.optics.engine.general.rays import AREA, CX, CY, CZ, HALF_U, HALF_V, NZ, TABLE
 from optopad.sims.optics.engine.general.scattered import DIMENSIONS, DIMENSIONS_UNDER_SKIN
 from optopad.sims.optics.engine.general.top import FLAT, GRID_STEP, KIND, SPHERE, FormedTop
 from optopad.sims.optics.engine.threads import run_each
@@ -99,6 +100,24 @@ class FormedPad:
         """Steps of the random sequence, one per random number of a ray."""
         return sequence_steps(dimensions_of(self.scene))
 
+    def _near(self, wanted: BoolArray) -> FloatArray:
+        """Distances to the requested receivers that look up, as `mirrored_flux` takes them; empty if not in a plane."""
+        away = self._away
+        return np.ascontiguousarray(away[wanted.any(axis=0)].min(axis=0)) if len(away) else np.zeros((0, 0))
+
+    @cached_property
+    def _away(self) -> FloatArray:
+        """(receiver, x, y) least distance of cells to each receiver; empty unless all look up and are equally high."""
+        faces = self.receivers
+        if (faces[:, NZ] != -1.0).any() or np.ptp(faces[:, CZ]) > 0.0:
+            return np.zeros((0, 0, 0))
+        x, y = (
+            (np.arange(int(side / CELL_MM) + 1) + 0.5) * CELL_MM
+            for side in (self.scene.length_mm, self.scene.width_mm)
+        )
+        away = np.hypot(x[:, None] - faces[:, None, None, CX], y - faces[:, None, None, CY])
+        return np.asarray(away - np.hypot(faces[:, HALF_U], faces[:, HALF_V])[:, None, None] - CELL_MM)
+
     @property
     def every(self) -> BoolArray:
         """(emitter, receiver) mask with all pairs."""
@@ -136,7 +155,7 @@ class FormedPad:
             return np.asarray(
                 mirrored_matrix(
                     self.emitters, self.receivers, wanted, points_on(places, *top), share, absorbs, index, self.walls,
-                    self.arcs, *top,
+                    self.arcs, self._near(wanted), *top,
                 )
             )  # fmt: skip
 
