@@ -313,9 +313,8 @@ class PlacedPart:
     @property
     def body_top_mm(self) -> float:
         """Height of the upper end of the part's body above the clear layer's bottom [mm]."""
-        if self.tilt_deg == 0.0:
-            return self.height_mm
-        return self.body_base_mm + self.part.body_height_mm.value
+        above = self.part.body_height_mm.value - self.part.active_height_in_body_mm.value
+        return self.height_mm + self._tilt[0] * above
 
     @property
     def position_mm(self) -> tuple[float, float, float]:
@@ -488,14 +487,14 @@ def _standing(design: SensorDesign, place: Placement, bare: Plan, part_id: str, 
         origin=place.origin,
         height_field="cavity.black_thickness_mm" if place.height_mm is None else f"{place.origin}.height_mm",
         tilt_deg=place.tilt_deg,
-        coupler=None if place.coupler is None else f"U{place.coupler}",
+        coupler=place.coupler,
     )
 
 
 def _face_in_body_mm(part: Part, tilt_deg: float) -> float:
-    """Height of the active area's centre above the lowest point of a part's body, about, at a tilt [mm].
+    """Height of the active area's centre above the lowest point of a part's body at a tilt [mm].
 
-    Exact for a part that looks up, which lies on its back, and for one that looks level, which stands.
+    A part that looks up lies on its back, and one that looks level stands.
     """
     cosine, sine = _unit(tilt_deg)
     return cosine * part.body_depth_mm.value + sine * part.active_height_in_body_mm.value
