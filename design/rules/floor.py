@@ -78,6 +78,8 @@ def _option_findings(draft: Draft, parts: tuple[PlacedPart, ...]) -> Iterator[Fi
             limit="'diffuse' with parts on the floor",
             way_out="set it to 'diffuse'",
         )
+    if not draft.plan.is_block:
+        return  # the rules of shapes refuse a cover and a parted mold
     if design.mold.cover_ledge_mm:
         yield error(
             "mold.cover_ledge_mm",

@@ -316,6 +316,13 @@ class PlacedPart:
         above = self.part.body_height_mm.value - self.part.active_height_in_body_mm.value
         return self.height_mm + self._tilt[0] * above
 
+    def body_mm3(self, low_mm: float, high_mm: float) -> float:
+        """Volume of the body of a part on the floor between two heights [mm3]; about, for a body that leans."""
+        size = self.part
+        volume = size.body_width_mm.value * size.body_height_mm.value * size.body_depth_mm.value
+        shared = min(high_mm, self.body_top_mm) - max(low_mm, self.body_base_mm)
+        return volume * max(shared, 0.0) / (self.body_top_mm - self.body_base_mm)
+
     @property
     def position_mm(self) -> tuple[float, float, float]:
         """Centre of the active area (x, y, z) in the cavity's coordinate system [mm]."""
@@ -366,6 +373,13 @@ class CavityGeometry:
     def on_floor(self) -> tuple[PlacedPart, ...]:
         """The placed parts on the floor, emitters first."""
         return tuple(part for part in self.parts if part.is_on_floor)
+
+    @property
+    def layers_mm3(self) -> tuple[float, float]:
+        """Volumes of the black and of the clear layer, without the bodies of parts on the floor [mm3]."""
+        black = sum(part.body_mm3(-self.black_mm, 0.0) for part in self.on_floor)
+        clear = sum(part.body_mm3(0.0, part.clear_mm) for part in self.on_floor)
+        return self.plan.area_mm2 * self.black_mm - black, self.plan.clear_volume_mm3 - clear
 
     @property
     def volume_mm3(self) -> float:
