@@ -28,10 +28,9 @@ from optopad.cad.lid import lid_clearances, lid_size
 from optopad.cad.mesh import CHORD_LIMIT_MM, Mesh, read_stl, unit_normals
 from optopad.cad.slicer import EXTRUDED_HIGH, EXTRUDED_LOW, Sliced, require_slicer, sliced
 from optopad.cad.slicer import VOLUME_LIMIT as SLICER_VOLUME_LIMIT
-from optopad.cad.tools import bodies_above_black
 from optopad.design.fields.quantity import ROUNDING_MM
 from optopad.design.mold.lettering import OVERLAP
-from optopad.design.mold.outline import outline_of
+from optopad.design.mold.outline import bodies_above_black, outline_of
 from optopad.design.mold.part_numbers import unnumbered
 from optopad.design.mold.webs import bodies_above_rim, clearances, pockets_below_clear_layer, tightest
 from optopad.design.parts.assumptions import Bed, printer, usual_bed_mm
@@ -52,8 +51,6 @@ THIN_LAYER_MM = 0.1
 """Layer thickness of a fine print, which is the height of the steps in a lid's concave face before smoothing."""
 SEAL_LIMIT = 1e-2
 """Limit of the relative difference of a frame's underside to the design, mainly due to chords of round edges."""
-LEVEL_DEG = 90.0
-"""Tilt of a part that stands upright on a circuit board and looks level."""
 OVERHANG_LIMIT_MM2 = 0.5
 """Overhanging area up to which no support is recommended, because support leaves marks."""
 
@@ -269,7 +266,7 @@ def _on_board(design: SensorDesign) -> Iterator[MoldCheck]:
     """Findings about air that stays under parts on a circuit board, and about bodies in the way of a blade."""
     parts, board = cavity_of(design).on_floor, -design.cavity.black_thickness_mm
     raised = tuple(one.name for one in parts if one.body_base_mm > board + ROUNDING_MM)
-    leaning = tuple(one.name for one in parts if 0.0 < one.tilt_deg < LEVEL_DEG)
+    leaning = tuple(one.name for one in parts if one.is_leaning)
     yield _count(
         "parts above a gap to the board",
         raised,

@@ -78,9 +78,8 @@ from dataclasses import dataclass
 
 import cadquery as cq
 
-from optopad.design.fields.quantity import ROUNDING_MM
 from optopad.design.mold.filling import is_cast_under_lid
-from optopad.design.mold.outline import outline_of
+from optopad.design.mold.outline import is_levelled, outline_of
 from optopad.design.mold.sockets import Box, Hole, lead_offsets_mm
 from optopad.design.parts.catalog import Part
 from optopad.design.shape.cavity import cavity_of, plan_of
@@ -116,8 +115,7 @@ class BladeSize:
 
 def blade_size(design: SensorDesign) -> BladeSize | None:
     """Dimensions of a design's blade; None for a design whose black layer is not levelled with one."""
-    is_poured_last = is_cast_under_lid(plan_of(design)) and not design.is_on_board
-    if design.cavity.black_thickness_mm == 0 or is_poured_last or bodies_above_black(design):
+    if not is_levelled(design):
         return None
     spans_y = design.cavity.width_mm <= design.cavity.length_mm
     return BladeSize(
@@ -125,11 +123,6 @@ def blade_size(design: SensorDesign) -> BladeSize | None:
         tongue_mm=_tongue_mm(design),
         reach_mm=outline_of(design).top_mm,
     )
-
-
-def bodies_above_black(design: SensorDesign) -> tuple[str, ...]:
-    """Names of the parts on the floor whose bodies stand above the black layer, in the way of a blade."""
-    return tuple(part.name for part in cavity_of(design).on_floor if part.body_top_mm > ROUNDING_MM)
 
 
 def _tongue_mm(design: SensorDesign) -> float:

@@ -32,7 +32,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from optopad.design.mold.filling import Passage, filling_holes, passage_mm, passages
+from optopad.design.fields.quantity import ROUNDING_MM
+from optopad.design.mold.filling import Passage, filling_holes, is_cast_under_lid, passage_mm, passages
 from optopad.design.mold.label import MoldLabel, mold_label
 from optopad.design.mold.part_numbers import PartNumber, part_numbers
 from optopad.design.mold.sockets import Box, Collar, Hole, Socket, WallFrame, by_wall, raised, socket_of
@@ -200,6 +201,17 @@ def outline_of(design: SensorDesign) -> MoldOutline:
         numbers=_numbers(sockets, fixing_holes, bottom if mold.pieces == "one" else -cavity.black_mm, mold),
         label=mold_label(design),
     )
+
+
+def is_levelled(design: SensorDesign) -> bool:
+    """Whether a blade levels the black layer: it is poured first, and no body stands above it."""
+    is_poured_last = is_cast_under_lid(cavity_of(design).plan) and not design.is_on_board
+    return design.cavity.black_thickness_mm > 0 and not is_poured_last and not bodies_above_black(design)
+
+
+def bodies_above_black(design: SensorDesign) -> tuple[str, ...]:
+    """Names of the parts on the floor whose bodies stand above the black layer, in the way of a blade."""
+    return tuple(part.name for part in cavity_of(design).on_floor if part.body_top_mm > ROUNDING_MM)
 
 
 def _with_room(socket: Socket, fixing_holes: tuple[Hole, ...], mold: Mold) -> Socket:

@@ -173,35 +173,20 @@ def _press_findings(draft: Draft, parts: tuple[PlacedPart, ...]) -> Iterator[Fin
         )
 
 
-def footprint_mm(part: PlacedPart) -> FloatArray:
-    """(4, 2) corners of the body of a part on the floor, in plan, counter-clockwise [mm].
-
-    A part that looks up lies on its back. One that looks level reaches back from its face by its depth.
-    """
-    x, y, _ = part.position_mm
-    (tx, ty), (ox, oy) = part.line.tangent, part.line.outward
-    size, tilt = part.part, math.radians(part.tilt_deg)
-    half, low = size.body_width_mm.value / 2, size.active_height_in_body_mm.value
-    front, back = -low * math.cos(tilt), (size.body_height_mm.value - low) * math.cos(tilt)
-    ends = (front, back + size.body_depth_mm.value * math.sin(tilt))
-    corners = [(-half, ends[0]), (half, ends[0]), (half, ends[1]), (-half, ends[1])]
-    return np.array([(x + a * tx + b * ox, y + a * ty + b * oy) for a, b in corners])
-
-
 def _reach_mm(part: PlacedPart) -> float:
     """Largest distance of a body's outline in plan from the middle of its face [mm]."""
-    return float(np.hypot(*(footprint_mm(part) - part.position_mm[:2]).T).max())
+    return float(np.hypot(*(part.footprint_mm - part.position_mm[:2]).T).max())
 
 
 def _to_wall_mm(draft: Draft, part: PlacedPart) -> float:
     """Least distance of a body from the wall of the pad [mm]; negative where it reaches under the wall."""
-    return -max(draft.plan.outline.outside_mm(x, y) for x, y in footprint_mm(part).tolist())
+    return -max(draft.plan.outline.outside_mm(x, y) for x, y in part.footprint_mm.tolist())
 
 
 def _overlap_findings(parts: tuple[PlacedPart, ...]) -> Iterator[Finding]:
     """Error about the two bodies that overlap most, with the number of all such pairs."""
     found = []
-    bodies = [(part, footprint_mm(part), _reach_mm(part)) for part in parts]
+    bodies = [(part, part.footprint_mm, _reach_mm(part)) for part in parts]
     for (one, mine, near), (other, theirs, far) in combinations(bodies, 2):
         if one.coupler is not None and one.coupler == other.coupler:
             continue

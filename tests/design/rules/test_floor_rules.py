@@ -9,7 +9,6 @@ import pytest
 from optopad.design.errors import DesignError
 from optopad.design.fields.finding import OUT_OF_SCOPE
 from optopad.design.rules.check import check
-from optopad.design.rules.floor import footprint_mm
 from optopad.design.shape.cavity import cavity_of
 from optopad.design.spec import SensorDesign
 from tests.design.rules.rule_cases import BENCHMARK, about, only, single
@@ -58,7 +57,7 @@ def test_the_two_halves_of_a_coupler_touch() -> None:
     design = floor(couplers, **chip)
     assert not [one for one in check(design) if one.severity == "error"]
     emitter, receiver = (
-        footprint_mm(one[0]) for one in (cavity_of(design).emitters, cavity_of(design).receivers)
+        one[0].footprint_mm for one in (cavity_of(design).emitters, cavity_of(design).receivers)
     )
     assert emitter[:, 0].max() == pytest.approx(receiver[:, 0].min())
     assert receiver[:, 0].max() - emitter[:, 0].min() == pytest.approx(4.0)

@@ -80,8 +80,8 @@ def test_couplers_are_numbered_through_all_patterns_and_share_a_package() -> Non
     found = cavity_of(
         floor(couplers | {"shift_y_mm": -5.0}, couplers | {"shift_y_mm": 5.0}, single(4.0, 4.0))
     )
-    assert [part.coupler for part in found.emitters] == ["U1", "U2", "U3", "U4", None]
-    assert [part.coupler for part in found.receivers] == ["U1", "U2", "U3", "U4"]
+    assert [part.coupler for part in found.emitters] == ["OC1", "OC2", "OC3", "OC4", None]
+    assert [part.coupler for part in found.receivers] == ["OC1", "OC2", "OC3", "OC4"]
     assert [part.name for part in found.emitters] == ["E1", "E2", "E3", "E4", "E5"]
 
 
