@@ -368,6 +368,26 @@ class PlacedPart:
             [(x + a * tx + b * cosine * ox, y + a * ty + b * cosine * oy, z + b * sine) for a, b in corners]
         )
 
+    @property
+    def body_mm(self) -> FloatArray:
+        """(8, 3) corners of its body [mm]: those behind, then those in the plane of the face.
+
+        Each four are counter-clockwise as seen from the front, from the lower edge on.
+        """
+        (sine, cosine), size, low = self._tilt, self.part, self.part.active_height_in_body_mm.value
+        (ox, oy), (x, y, z) = self.line.outward, self.position_mm
+        across = np.array([oy, -ox, 0.0])
+        up, front = np.array([cosine * ox, cosine * oy, sine]), np.array(self.axis)
+        half, high = size.body_width_mm.value / 2, size.body_height_mm.value - low
+        face = [a * across + b * up for a, b in ((-half, -low), (half, -low), (half, high), (-half, high))]
+        back = -size.body_depth_mm.value * front
+        return np.asarray(np.array([x, y, z]) + np.array([*(one + back for one in face), *face]))
+
+    @property
+    def label_way(self) -> Point:
+        """Direction in plan from the part to its label: out of the pad for a part in a wall, north on the floor."""
+        return (0.0, 1.0) if self.is_on_floor else self.line.outward
+
     def body_mm3(self, low_mm: float, high_mm: float) -> float:
         """Volume of the body of a part on the floor between two heights [mm3]; about, for a body that leans."""
         size = self.part
