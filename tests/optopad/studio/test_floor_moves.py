@@ -9,7 +9,6 @@ import pytest
 from viser.transforms import SO3
 
 from optopad.design.errors import InputError
-from optopad.design.fields.base import get_at
 from optopad.design.shape.cavity import cavity_of
 from optopad.design.spec import SensorDesign
 from optopad.studio.editable_fields import BY_HAND, changes_of, editable_fields_of, pattern_of
