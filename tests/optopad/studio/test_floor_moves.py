@@ -67,12 +67,9 @@ def test_patterns_of_the_floor_have_fields_and_replace_each_other() -> None:
         fields = {field.path: field for field in editable_fields_of(design)}
         assert {"layout.0.columns", "layout.0.rows", "layout.0.pitch_mm"} <= set(fields)
         assert fields["layout"].choices[:2] == ("checkerboard", "ring inside")
-        document = design.model_dump(mode="json")
-        assert all(
-            get_at(document, path) == field.value
-            for path, field in fields.items()
-            if path.startswith("layout.")
-        )
+        own = {path: field.value for path, field in fields.items() if path.startswith("layout.")}
+        assert own == {path: getattr(design.layout[0], path.rpartition(".")[2]) for path in own}
+        assert design.with_(**{path: value + 1 for path, value in own.items()}).layout != design.layout
     ring = floor(BOARD).with_(**changes_of(floor(BOARD), "layout", "ring inside"))
     assert pattern_of(ring) == "ring inside"
     assert len(cavity_of(ring).emitters) == 5
