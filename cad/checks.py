@@ -30,7 +30,7 @@ from optopad.cad.slicer import EXTRUDED_HIGH, EXTRUDED_LOW, Sliced, require_slic
 from optopad.cad.slicer import VOLUME_LIMIT as SLICER_VOLUME_LIMIT
 from optopad.design.fields.quantity import ROUNDING_MM
 from optopad.design.mold.lettering import OVERLAP
-from optopad.design.mold.outline import outline_of
+from optopad.design.mold.outline import bodies_above_black, outline_of
 from optopad.design.mold.part_numbers import unnumbered
 from optopad.design.mold.webs import bodies_above_rim, clearances, pockets_below_clear_layer, tightest
 from optopad.design.parts.assumptions import Bed, printer, usual_bed_mm
@@ -49,6 +49,8 @@ OVERHANG_DEG = 45.0
 """Faces that overhang by more than this angle from the vertical need support."""
 THIN_LAYER_MM = 0.1
 """Layer thickness of a fine print, which is the height of the steps in a lid's concave face before smoothing."""
+SEAL_LIMIT = 1e-2
+"""Limit of the relative difference of a frame's underside to the design, mainly due to chords of round edges."""
 OVERHANG_LIMIT_MM2 = 0.5
 """Overhanging area up to which no support is recommended, because support leaves marks."""
 
@@ -144,6 +146,7 @@ def check_parts(design: SensorDesign, parts: tuple[PartFile, ...], *, bed_mm: Be
         }
         if part.name == "mold":
             findings.append(_mold_size(design, loaded.extents))
+            findings += _contact_with_board(design, read_stl(part.stl))
     return Checks(digest=design.digest, findings=(*findings, *design_findings(design)), volumes_mm3=volumes)
 
 
@@ -216,6 +219,7 @@ def design_findings(design: SensorDesign) -> tuple[MoldCheck, ...]:
     return (
         *webs,
         *_lid(design),
+        *(_on_board(design) if outline.is_frame else ()),
         *_lettering(design),
         _count("bodies above the rim", tall, "in the way of the leveling blade; raise mold.rim_mm"),
         _count("pockets below the clear layer", deep, "the black layer touches these bodies"),
@@ -239,9 +243,10 @@ def _lid(design: SensorDesign) -> Iterator[MoldCheck]:
     if size is None:
         return
     cavity = cavity_of(design)
-    clear, black = (
-        volume / 1e3 for volume in (cavity.plan.clear_volume_mm3, cavity.plan.area_mm2 * cavity.black_mm)
-    )
+    black, clear = (volume / 1e3 for volume in cavity.layers_mm3)
+    order = f"Filled upside down: {clear:.2f} cm3 clear, then {black:.2f} cm3 black"
+    if design.is_on_board:
+        order = f"{black:.2f} cm3 black on the board first; then filled upside down: {clear:.2f} cm3 clear"
     straight = cavity.plan.top.straight
     turned = straight is not None and any(notch.frame.is_facet for notch in size.notches)
     yield MoldCheck(
@@ -252,9 +257,68 @@ def _lid(design: SensorDesign) -> Iterator[MoldCheck]:
         state="warning",
         note="they become haze on the crown: print the lid dish up in layers of 0.1 mm, then fill and wet-sand the "
         "dish, or smooth ABS in vapour; or lay a formed film of 0.1 to 0.2 mm PET into it, which makes the "
-        f"layer thinner by as much. Filled upside down: {clear:.2f} cm3 clear, then {black:.2f} cm3 black"
+        f"layer thinner by as much. {order}"
         + (f". On the round mold its notches are along {straight}" if turned else ""),
     )
+
+
+def _on_board(design: SensorDesign) -> Iterator[MoldCheck]:
+    """Findings about air that stays under parts on a circuit board, and about bodies in the way of a blade."""
+    parts, board = cavity_of(design).on_floor, -design.cavity.black_thickness_mm
+    raised = tuple(one.name for one in parts if one.body_base_mm > board + ROUNDING_MM)
+    leaning = tuple(one.name for one in parts if one.is_leaning)
+    yield _count(
+        "parts above a gap to the board",
+        raised,
+        "air stays under them: close the gap with a drop of silicone and cure it before the first pour",
+    )
+    yield _count(
+        "parts that lean over the board",
+        leaning,
+        "air stays under them: pour at the low side of the lean, then degas in the frame",
+    )
+    tall = bodies_above_black(design)
+    if design.cavity.black_thickness_mm > 0 and tall:
+        yield MoldCheck(
+            name="mold: bodies above the black layer",
+            value=len(tall),
+            limit=0,
+            unit="parts",
+            state="ok",
+            note="no leveling blade: the black layer is poured by weight around them, on a level table",
+        )
+
+
+def _contact_with_board(design: SensorDesign, mesh: Mesh) -> Iterator[MoldCheck]:
+    """Finding about the flat underside of a frame, which seals on the circuit board; none for other molds."""
+    outline = outline_of(design)
+    if not outline.is_frame:
+        return
+    z, down = mesh.corners[:, :, 2], unit_normals(mesh)[:, 2] < -1.0 + 1e-6
+    flat = mesh.corners[down & (z.max(axis=1) <= z.min() + WALL_LIMIT_MM)]
+    area = np.linalg.norm(np.cross(flat[:, 1] - flat[:, 0], flat[:, 2] - flat[:, 0]), axis=1).sum() / 2
+    rounded = (1.0 - math.pi / 4) * 3 * outline.corner_radius_mm**2
+    wanted = (
+        outline.outer.area_mm2
+        - rounded
+        - outline.origin_cut_mm**2 / 2
+        - outline.plan.area_mm2
+        - sum(math.pi * hole.radius**2 for hole in outline.fixing_holes)
+        - sum(one.size_mm * one.length_mm for one in outline.passages if one.z0 <= outline.bottom_mm)
+    )
+    yield _at_most(
+        "mold: underside that seals on the board, against the design",
+        round(abs(float(area) / wanted - 1.0), 6),
+        SEAL_LIMIT,
+        "share",
+        f"{area:.1f} mm2; at least {_least_land_mm(design):.2f} mm wide: seal it with a bead of silicone or tape",
+    )
+
+
+def _least_land_mm(design: SensorDesign) -> float:
+    """Least width of a frame's underside between the cavity and the outside or a fixing hole [mm]."""
+    names = ("wall", "fixing hole to cavity")
+    return min(one.value_mm for one in clearances(outline_of(design), design.mold) if one.name in names)
 
 
 def _lettering(design: SensorDesign) -> Iterator[MoldCheck]:

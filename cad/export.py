@@ -83,9 +83,9 @@ def export_parts(
 
     Returns
     -------
-    Path of each written file, by file name. `leveling_blade.stl` is written for a flat top with a black layer, and
-    `pour_gauge.stl` for a flat top with a rim around it. `lid.stl` is written for a crowned pad, and `mold_frame.stl`
-    and `mold_base.stl` for a mold made in two pieces.
+    Path of each written file, by file name. `leveling_blade.stl` is written for a black layer that is levelled with it,
+    `solder_jig.stl` for parts in walls, and `pour_gauge.stl` for a flat top with a rim around it. `lid.stl` is written
+    for a crowned pad, and `mold_frame.stl` and `mold_base.stl` for a mold made in two pieces.
 
     Raises
     ------

@@ -29,9 +29,12 @@ perpendicular to their facets, and wire slots, lead channels and names end in th
       |   /            \   |
      _|__/              \__|_
 
+If all parts are on the floor, the mold is a frame without floor and sockets, which stands on their circuit board.
+
 The mold of a crowned pad has no lip, because a lid (`optopad.cad.lid`) shapes the top, and silicone enters through
-holes in the floor. All dimensions come from `optopad.design.mold.outline`. The solid is in the cavity's coordinate
-system (`optopad.design.shape.cavity`); `optopad.cad.export` lifts it onto the print bed.
+holes in the floor, or through passages in the walls of a frame. All dimensions come from `optopad.design.mold.outline`.
+The solid is in the cavity's coordinate system (`optopad.design.shape.cavity`); `optopad.cad.export` lifts it onto the
+print bed.
 """
 
 from __future__ import annotations
@@ -45,6 +48,7 @@ from typing import cast
 import cadquery as cq
 
 from optopad.design.mold import part_numbers
+from optopad.design.mold.filling import Passage
 from optopad.design.mold.lettering import Loop, Shape, shapes_of
 from optopad.design.mold.outline import MoldOutline, outline_of
 from optopad.design.mold.part_numbers import PartNumber
@@ -70,6 +74,7 @@ def build_mold(design: SensorDesign) -> cq.Workplane:
     for socket in outline.sockets:
         cutters += _socket_cutters(socket, outline)
     cutters += [_drill(hole) for hole in (*outline.fixing_holes, *outline.filling)]
+    cutters += [_bored(passage, outline) for passage in outline.passages]
     cutters += [solid for number in outline.numbers for solid in _engraved(number)]
     cutters += _label(outline)
     pieces = _block(outline).cut(*cutters).Solids()
@@ -125,11 +130,16 @@ def _mouth(outline: MoldOutline) -> list[cq.Solid]:
     """Cutting solids for the cavity with its lip or with the cover's seat, extended past the rim."""
     if outline.lip_mm:
         return [_flared(outline)]
-    inside, foot = outline.plan.outline, outline.cavity_bottom_mm
+    inside, foot = outline.plan.outline, _foot_mm(outline)
     if not outline.ledge_mm:
         return [prism(inside, foot, outline.top_mm + BEYOND_MM - foot)]
     seat = _filled(replace(outline.mouth, z1=outline.top_mm + BEYOND_MM))
     return [prism(inside, foot, outline.top_mm - foot), seat]
+
+
+def _foot_mm(outline: MoldOutline) -> float:
+    """Height z of the lower end of the cavity's cutting solid, which passes the underside of a frame [mm]."""
+    return outline.cavity_bottom_mm - (BEYOND_MM if outline.is_frame else 0.0)
 
 
 def prism(outline: Outline, foot_mm: float, height_mm: float) -> cq.Solid:
@@ -148,7 +158,7 @@ def prism(outline: Outline, foot_mm: float, height_mm: float) -> cq.Solid:
 
 def _flared(outline: MoldOutline) -> cq.Solid:
     """Cutting solid for the cavity and its bevelled lip, as one polyhedron."""
-    foot, knee = outline.cavity_bottom_mm, outline.top_mm - outline.lip_mm
+    foot, knee = _foot_mm(outline), outline.top_mm - outline.lip_mm
     rings = [_ring(outline, 0.0, foot), _ring(outline, 0.0, knee)]
     if not outline.collars:
         rings.append(_ring(outline, outline.lip_mm + BEYOND_MM, outline.top_mm + BEYOND_MM))
@@ -224,6 +234,19 @@ def _label(outline: MoldOutline) -> list[cq.Solid]:
 def _prism(shape: Shape, place: Callable[[Loop], cq.Wire], way: cq.Vector) -> cq.Solid:
     """Extrude a flat shape along the vector `way`; `place` converts the shape's loops to wires in space."""
     return cq.Solid.extrudeLinear(place(shape.outline), [place(hole) for hole in shape.holes], way)
+
+
+def _bored(passage: Passage, outline: MoldOutline) -> cq.Solid:
+    """Cutting solid for a passage, from inside the cavity to beyond the outer face, and past a frame's underside."""
+    (x, y), (dx, dy) = passage.start_mm, passage.way
+    x, y = x - BEYOND_MM * dx, y - BEYOND_MM * dy
+    low = passage.z0 - (BEYOND_MM if passage.z0 <= outline.bottom_mm else 0.0)
+    section = ((across, low if z == passage.z0 else z) for across, z in passage.section_mm)
+    corners = [cq.Vector(x - across * dy, y + across * dx, z) for across, z in section]
+    length = passage.length_mm + 2 * BEYOND_MM
+    return cq.Solid.extrudeLinear(
+        cq.Wire.makePolygon(corners, close=True), [], cq.Vector(length * dx, length * dy, 0.0)
+    )
 
 
 def _drill(hole: Hole) -> cq.Solid:

@@ -17,8 +17,9 @@ Its shoulders rest on the rim and its tongue extends down into the cavity. It is
 
 The blade spans the shorter side of the cavity and is drawn along the longer one. In a round cavity it spans the
 diameter between opposite facets and is turned about the middle. Optical parts whose bodies extend above the rim get in
-its way (`optopad.design.mold.webs.bodies_above_rim`). There is no blade for a crowned pad, because its mold is filled
-upside down and the black layer is poured last.
+its way (`optopad.design.mold.webs.bodies_above_rim`). There is no blade for a crowned pad in a mold with a floor,
+because that mold is filled upside down and the black layer is poured last. On a circuit board there is a blade only if
+no body stands above the black layer.
 
 Pour gauge
 ----------
@@ -42,7 +43,8 @@ Solder jig
 ----------
 A printed plate that holds optical parts while wires are soldered to them at the sockets' pitch.
 
-The jig has space for one part of each type. This view from above shows a surface-mount part and a part with leads:
+The jig has space for one part of each type. Parts on a circuit board need none. This view from above shows a surface-
+mount part and a part with leads:
 
       +----------------------------+
       |   | |  | |                 |   grooves: wires at the pitch of the slots, open to the edge
@@ -77,6 +79,7 @@ from dataclasses import dataclass
 import cadquery as cq
 
 from optopad.design.mold.filling import is_cast_under_lid
+from optopad.design.mold.outline import is_levelled, outline_of
 from optopad.design.mold.sockets import Box, Hole, lead_offsets_mm
 from optopad.design.parts.catalog import Part
 from optopad.design.shape.cavity import cavity_of, plan_of
@@ -111,14 +114,14 @@ class BladeSize:
 
 
 def blade_size(design: SensorDesign) -> BladeSize | None:
-    """Dimensions of a design's blade; None for a design without a black layer or with a crowned pad."""
-    if design.cavity.black_thickness_mm == 0 or is_cast_under_lid(plan_of(design)):
+    """Dimensions of a design's blade; None for a design whose black layer is not levelled with one."""
+    if not is_levelled(design):
         return None
     spans_y = design.cavity.width_mm <= design.cavity.length_mm
     return BladeSize(
         span_mm=design.mold.outer_width_mm if spans_y else design.mold.outer_length_mm,
         tongue_mm=_tongue_mm(design),
-        reach_mm=design.cavity.clear_thickness_mm + design.mold.rim_mm,
+        reach_mm=outline_of(design).top_mm,
     )
 
 
@@ -270,8 +273,10 @@ def jig_size(design: SensorDesign) -> JigSize:
     )
 
 
-def solder_jig(design: SensorDesign) -> cq.Workplane:
-    """CAD solid of the jig, flat on the print bed."""
+def solder_jig(design: SensorDesign) -> cq.Workplane | None:
+    """CAD solid of the jig, flat on the print bed; None for parts on a circuit board, which need no wires."""
+    if design.is_on_board:
+        return None
     size = jig_size(design)
     plate = cq.Solid.makeBox(size.length_mm, size.width_mm, JIG_THICKNESS_MM)
     top = JIG_THICKNESS_MM + BEYOND_MM

@@ -45,9 +45,9 @@ class Connection:
 
     @property
     def normal(self) -> tuple[float, float, float]:
-        """Unit vector from the wall into the cavity (x, y, z) [-]."""
-        x, y = self.part.line.outward
-        return 0.0 - x, 0.0 - y, 0.0
+        """Unit vector in which the part looks, into the cavity (x, y, z) [-]."""
+        x, y, z = self.part.axis
+        return x + 0.0, y + 0.0, z + 0.0
 
 
 @dataclass(frozen=True, kw_only=True)

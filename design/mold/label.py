@@ -65,9 +65,12 @@ class MoldLabel:
 
 
 def mold_label(design: SensorDesign) -> MoldLabel:
-    """The label of a design's mold, without strokes if it has no text. `label_findings` checks its legibility."""
+    """The label of a design's mold, without strokes if it has no text or no floor.
+
+    `label_findings` checks its legibility.
+    """
     text = design.mold.label.upper().strip()
-    if not text:
+    if not text or design.is_on_board:
         return MoldLabel(strokes=(), depth_mm=0.0, stroke_mm=0.0)
     lines, pitch = label_lines(text, design)
     centre = design.cavity.length_mm / 2, design.cavity.width_mm / 2
@@ -80,6 +83,15 @@ def label_findings(design: SensorDesign) -> Iterator[Finding]:
     """Errors about a design's label: letters too small to print, or a floor too thin for their depth."""
     text = design.mold.label.upper().strip()
     if not text:
+        return
+    if design.is_on_board:
+        yield error(
+            "mold.label",
+            "a frame on a circuit board has no floor to engrave",
+            value=repr(design.mold.label),
+            limit="no label with parts on the floor",
+            way_out="leave it empty; the board can carry the text",
+        )
         return
     _, pitch = label_lines(text, design)
     if pitch < SMALLEST_PITCH_MM:

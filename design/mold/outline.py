@@ -14,6 +14,17 @@ The lip is a bevel of the cavity's upper edge. A lid casts a crowned top (`optop
 has no lip, and its rim is measured from the highest point of the top's edge. It is filled upside down through holes in
 the floor. A mold with round walls follows the cavity's outline, with a flat facet for each optical part. It has neither
 a lip nor collars (walls around tall bodies), and its fixing holes are between parts.
+
+If all parts are on the floor, the mold is a frame around them. It has neither floor nor sockets, because the circuit
+board under it is the floor of the cavity:
+
+      top   ____      lip           ____
+           |    \                 /    |   rim
+           |     |~~~~ clear ~~~~|     |
+           |     |  _        _   |     |
+           |_____|_|_|_black|_|__|_____|   -black: underside of the frame
+       ____________________________________
+      |____________ board _________________|
 """
 
 from __future__ import annotations
@@ -21,7 +32,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from optopad.design.mold.filling import filling_holes
+from optopad.design.fields.quantity import ROUNDING_MM
+from optopad.design.mold.filling import Passage, filling_holes, is_cast_under_lid, passage_mm, passages
 from optopad.design.mold.label import MoldLabel, mold_label
 from optopad.design.mold.part_numbers import PartNumber, part_numbers
 from optopad.design.mold.sockets import Box, Collar, Hole, Socket, WallFrame, by_wall, raised, socket_of
@@ -52,7 +64,8 @@ class MoldOutline:
     wall_x_mm, wall_y_mm : least thickness of the mold's walls along x and along y
     bottom_mm, cavity_bottom_mm, top_mm : height z of the underside, the cavity's floor and the rim
     fill_mm : largest height z along the edge of the untouched top
-    filling : holes through the floor for filling a crowned pad, the sprue first; empty for a flat top
+    filling : holes through the floor for filling a crowned pad, the sprue first; empty for a flat top or a frame
+    passages : holes through the walls of a frame for filling a crowned pad, the sprue first; empty for others
     lip_mm : leg of the 45-degree pour lip, which is above the fill level; 0 for none
     corner_radius_mm : radius of the outer vertical edges
     origin_cut_mm : size of the 45-degree cut of the outer edge at the origin
@@ -77,10 +90,16 @@ class MoldOutline:
     origin_cut_mm: float
     fixing_holes: tuple[Hole, ...]
     filling: tuple[Hole, ...]
+    passages: tuple[Passage, ...]
     sockets: tuple[Socket, ...]
     collars: tuple[Collar, ...]
     numbers: tuple[PartNumber, ...]
     label: MoldLabel
+
+    @property
+    def is_frame(self) -> bool:
+        """Whether the mold has no floor, because a circuit board closes the cavity from below."""
+        return self.bottom_mm == self.cavity_bottom_mm
 
     @property
     def length_mm(self) -> float:
@@ -145,7 +164,8 @@ def outline_of(design: SensorDesign) -> MoldOutline:
     wall_y = (mold.outer_width_mm - plan.width_mm) / 2
     wall = max(min(wall_x, wall_y), 0.0)
     fill = plan.clear_mm if plan.top.is_flat else plan.rim_mm[1]
-    bottom, top = -cavity.black_mm - mold.floor_mm, fill + mold.rim_mm
+    floor = 0.0 if design.is_on_board else mold.floor_mm
+    bottom, top = -cavity.black_mm - floor, fill + mold.rim_mm
     ledge = mold.cover_ledge_mm
     has_lip = plan.is_block and not ledge
     lip = min(LIP_MAX_MM, mold.rim_mm, wall * LIP_SHARE_OF_WALL) if has_lip else 0.0
@@ -174,12 +194,24 @@ def outline_of(design: SensorDesign) -> MoldOutline:
         corner_radius_mm=min(CORNER_RADIUS_MM, wall * CORNER_SHARE_OF_WALL) if outer.corners_mm else 0.0,
         origin_cut_mm=_origin_cut_mm(mold, wall) if outer.corners_mm else 0.0,
         fixing_holes=fixing_holes,
-        filling=filling_holes(plan, bottom, -cavity.black_mm),
+        filling=() if design.is_on_board else filling_holes(plan, bottom, -cavity.black_mm),
+        passages=passages(plan, outer, passage_mm(plan, top, mold.min_web_mm)) if design.is_on_board else (),
         sockets=sockets,
         collars=collars,
         numbers=_numbers(sockets, fixing_holes, bottom if mold.pieces == "one" else -cavity.black_mm, mold),
         label=mold_label(design),
     )
+
+
+def is_levelled(design: SensorDesign) -> bool:
+    """Whether a blade levels the black layer: it is poured first, and no body stands above it."""
+    is_poured_last = is_cast_under_lid(cavity_of(design).plan) and not design.is_on_board
+    return design.cavity.black_thickness_mm > 0 and not is_poured_last and not bodies_above_black(design)
+
+
+def bodies_above_black(design: SensorDesign) -> tuple[str, ...]:
+    """Names of the parts on the floor whose bodies stand above the black layer, in the way of a blade."""
+    return tuple(part.name for part in cavity_of(design).on_floor if part.body_top_mm > ROUNDING_MM)
 
 
 def _with_room(socket: Socket, fixing_holes: tuple[Hole, ...], mold: Mold) -> Socket:
@@ -206,7 +238,7 @@ def _numbers(
 
 def bed_lift_mm(design: SensorDesign) -> float:
     """Offset added to z of the cavity's coordinates in all files of the mold, so that the print bed is z = 0 [mm]."""
-    return design.cavity.black_thickness_mm + design.mold.floor_mm
+    return -outline_of(design).bottom_mm
 
 
 def _origin_cut_mm(mold: Mold, wall_mm: float) -> float:
@@ -233,7 +265,7 @@ def _frame(part: PlacedPart, outer: Outline, wall_x: float, wall_y: float) -> Wa
 def _fixing_holes(
     mold: Mold, cavity: CavityGeometry, outer: Outline, bottom: float, top: float
 ) -> tuple[Hole, ...]:
-    """Fixing holes: in the corners or, if the mold has no corners, between the optical parts."""
+    """Fixing holes: in the corners or, if the mold has no corners, between the parts in its walls."""
     if mold.fixing_hole_diameter_mm == 0:
         return ()
     inset, radius = mold.fixing_hole_inset_mm, mold.fixing_hole_diameter_mm / 2
@@ -244,19 +276,23 @@ def _fixing_holes(
 
 
 def _between_parts_mm(cavity: CavityGeometry, within: Outline) -> list[Point]:
-    """Up to four points on an outline for fixing holes, in directions halfway between neighbouring optical parts.
+    """Up to four points on an outline for fixing holes, in directions halfway between neighbouring parts in its walls.
 
-    The points nearest to the diagonals of the bounding box are chosen.
+    The points nearest to the diagonals of the bounding box are chosen, or on them if no part is in a wall.
     """
     (x, y), (x0, y0, x1, y1) = within.centre_mm, within.box_mm
-    at = sorted({_direction_deg(part.position_mm[0] - x, part.position_mm[1] - y) for part in cavity.parts})
+    in_walls = (part.position_mm for part in cavity.parts if not part.is_on_floor)
+    at = sorted({_direction_deg(px - x, py - y) for px, py, _ in in_walls})
+    diagonals = [
+        _direction_deg(*corner)
+        for corner in ((x1 - x, y1 - y), (x0 - x, y1 - y), (x0 - x, y0 - y), (x1 - x, y0 - y))
+    ]
     middles = [
         (low + ((high - low) % 360.0 or 360.0) / 2) % 360.0
-        for low, high in zip(at, (*at[1:], at[0]), strict=True)
-    ]
+        for low, high in zip(at, (*at[1:], *at[:1]), strict=True)
+    ] or diagonals
     found: list[float] = []
-    for corner in ((x1, y1), (x0, y1), (x0, y0), (x1, y0)):
-        diagonal = _direction_deg(corner[0] - x, corner[1] - y)
+    for diagonal in diagonals:
         left = [angle for angle in middles if angle not in found]
         if left:
             found.append(

@@ -12,81 +12,121 @@ from optopad.design.arrays import FloatArray
 from optopad.design.draft import Draft
 from optopad.design.fields.finding import Finding, error, mm, outside_models, warning
 from optopad.design.fields.quantity import ROUNDING_MM
+from optopad.design.rules.shape import LARGEST_SHARE_OF_LAYER
 from optopad.design.shape.cavity import PlacedPart
 
 APART_MM = 0.2
-"""Least gap between the bodies of two parts on a board [mm]; IPC-7351B gives 0.1 to 0.5 mm by density of the board."""
+"""Least gap between the bodies of two parts on a board, and from a body to the frame's wall [mm].
+
+Courtyards of 0.1 to 0.5 mm around each body are usual, by the density of the board (IPC-7351B).
+"""
 LIGHT_FLOOR, STANDS_MM = 0.2, 0.3
 """Reflectance of a floor, and height of a body above it, from which the shadow of the body matters [-, mm]."""
 
 
 def floor_findings(draft: Draft) -> Iterator[Finding]:
-    """Findings about parts on the floor: covered, too high, outside the pad, or overlapping."""
+    """Findings about parts on the floor: covered, sunk, too high, outside the pad, overlapping, or mixed with walls."""
     parts = draft.cavity.on_floor
     if not parts:
         return
-    yield from _option_findings(draft)
-    for part in {(one.origin, one.part_id, round(one.height_mm, 9)): one for one in parts}.values():
-        yield from _height_findings(draft, part)
-    outside = [part for part in parts if not _is_inside(draft, part)]
+    yield from _option_findings(draft, parts)
+    for alike in _alike(parts):
+        yield from _height_findings(draft, min(alike, key=lambda part: part.clear_mm))
+    yield from _press_findings(draft, parts)
+    near = [(_to_wall_mm(draft, part), part) for part in parts]
+    outside = [row for row in near if row[0] < APART_MM - ROUNDING_MM]
     if outside:
-        names = " ".join(part.name for part in outside)
+        worst, names = min(outside, key=lambda row: row[0]), " ".join(part.name for _, part in outside)
         yield error(
-            outside[0].origin,
-            f"the bodies of {names} reach under the wall of the frame",
-            value=f"{outside[0].name} at x {outside[0].position_mm[0]:g}, y {outside[0].position_mm[1]:g} mm",
-            limit="bodies inside the outline of the pad",
+            worst[1].origin,
+            f"the bodies of {names} are under the wall of the frame, or too near to it",
+            value=f"{worst[1].name} {mm(worst[0])} inside it"
+            if worst[0] >= 0.0
+            else f"{worst[1].name} {mm(-worst[0])} past it",
+            limit=f"at least {mm(APART_MM)} from body to wall",
             way_out="move them inward, lower the pitch, or enlarge the cavity",
         )
     yield from _overlap_findings(parts)
 
 
-def _option_findings(draft: Draft) -> Iterator[Finding]:
-    if draft.design.surfaces.wall_finish != "diffuse":
+def _alike(parts: tuple[PlacedPart, ...]) -> list[list[PlacedPart]]:
+    """Parts in groups of the same entry of the layout, catalogue part, height and tilt."""
+    groups: dict[tuple[str, str, float, float], list[PlacedPart]] = {}
+    for part in parts:
+        key = (part.origin, part.part_id, round(part.height_mm, 9), part.tilt_deg)
+        groups.setdefault(key, []).append(part)
+    return list(groups.values())
+
+
+def _option_findings(draft: Draft, parts: tuple[PlacedPart, ...]) -> Iterator[Finding]:
+    design = draft.design
+    in_walls = [part.name for part in draft.cavity.parts if not part.is_on_floor]
+    if in_walls:
+        yield error(
+            "layout",
+            "parts are in the walls and on the floor: neither one mold nor one circuit board holds both",
+            value=f"{len(in_walls)} in walls ({in_walls[0]} first), {len(parts)} on the floor",
+            limit="all parts in walls, or all on the floor",
+            way_out="put all on the floor with pattern = 'grid', 'checkerboard', 'ring_inside' or wall = 'floor', or "
+            "all in walls",
+        )
+    if design.surfaces.wall_finish != "diffuse":
         yield error(
             "surfaces.wall_finish",
             "light between parts on the floor is not traced by way of smooth walls",
-            value=f"'{draft.design.surfaces.wall_finish}'",
+            value=f"'{design.surfaces.wall_finish}'",
             limit="'diffuse' with parts on the floor",
             way_out="set it to 'diffuse'",
         )
-    if draft.design.mold.cover_ledge_mm:
+    if not draft.plan.is_block:
+        return  # the rules of shapes refuse a cover and a parted mold
+    if design.mold.cover_ledge_mm:
         yield error(
             "mold.cover_ledge_mm",
             "a frame on a circuit board has no glass cover",
-            value=f"{draft.design.mold.cover_ledge_mm:g} mm",
+            value=f"{design.mold.cover_ledge_mm:g} mm",
             limit="0 with parts on the floor",
             way_out="set it to 0",
+        )
+    if design.mold.pieces != "one":
+        yield error(
+            "mold.pieces",
+            "a frame on a circuit board has no base",
+            value=f"'{design.mold.pieces}'",
+            limit="'one' with parts on the floor",
+            way_out="set it to 'one'",
         )
 
 
 def _height_findings(draft: Draft, part: PlacedPart) -> Iterator[Finding]:
     low, high = part.height_mm - part.rise_mm, part.height_mm + part.rise_mm
     black = draft.design.cavity.black_thickness_mm
-    if low < -ROUNDING_MM:
+    sunk = -black - part.body_base_mm
+    if sunk > ROUNDING_MM:
         yield error(
             part.height_field,
+            f"the body of {part.name} would be inside the circuit board",
+            value=f"{part.height_mm:g} mm for its face",
+            limit=f"at least {mm(part.height_mm + sunk)}, where the body stands on the board",
+            way_out="remove it, so that the part stands on the board, or thicken cavity.black_thickness_mm",
+        )
+    elif low < -ROUNDING_MM:
+        yield error(
+            "cavity.black_thickness_mm",
             f"the black layer covers the face of {part.name}",
-            value=f"{mm(-low)} of it; the face is {mm(black + low)} above the board",
+            value=f"{mm(black)}, and the face begins {mm(black + low)} above the board",
             limit=f"at most {mm(black + low)} of black layer",
             way_out="lower it to that, or to 0 for clear silicone down to the board",
         )
     if high > part.clear_mm - ROUNDING_MM:
         yield error(
-            part.height_field,
+            "cavity.clear_thickness_mm"
+            if part.height_field == "cavity.black_thickness_mm"
+            else part.height_field,
             f"{part.name} is higher than the clear layer",
             value=f"its face reaches {mm(high)}",
-            limit=f"less than {mm(part.clear_mm)}, the clear layer above it",
+            limit=f"less than {mm(part.clear_mm)}, the clear layer over it",
             way_out="thicken cavity.clear_thickness_mm, or use a part with a lower body",
-        )
-    elif draft.design.operating.max_depth_mm > part.clear_mm - max(high, part.body_top_mm):
-        left = part.clear_mm - max(high, part.body_top_mm)
-        yield error(
-            "operating.max_depth_mm",
-            f"the deepest press reaches the body of {part.name}",
-            value=f"{draft.design.operating.max_depth_mm:g} mm",
-            limit=f"less than {mm(left)}, the clear layer over it",
-            way_out="lower it, or thicken the clear layer",
         )
     if low > STANDS_MM and draft.design.surfaces.bottom_reflectance > LIGHT_FLOOR:
         yield warning(
@@ -99,46 +139,68 @@ def _height_findings(draft: Draft, part: PlacedPart) -> Iterator[Finding]:
         )
 
 
-def footprint_mm(part: PlacedPart) -> FloatArray:
-    """(4, 2) corners of the body of a part on the floor, in plan, counter-clockwise [mm].
+def _press_findings(draft: Draft, parts: tuple[PlacedPart, ...]) -> Iterator[Finding]:
+    """Findings about presses that come too near to a body; a body that no tip passes over does not count."""
+    depth, reach = draft.design.operating.max_depth_mm, draft.design.indenter.tip_radius_mm
+    if draft.workspace.is_empty:
+        return
+    left = [
+        (part.clear_mm - part.body_top_mm, part)
+        for part in parts
+        if part.body_top_mm < part.clear_mm
+        and draft.workspace.outside_mm(*part.position_mm[:2]) - _reach_mm(part) < reach
+    ]
+    if not left:
+        return
+    thinnest, part = min(left, key=lambda row: row[0])
+    modelled = LARGEST_SHARE_OF_LAYER * thinnest
+    if depth > thinnest - ROUNDING_MM:
+        yield error(
+            "operating.max_depth_mm",
+            f"the deepest press reaches the body of {part.name}",
+            value=f"{depth:g} mm",
+            limit=f"less than {mm(thinnest)}, the silicone over it",
+            way_out="lower it, or thicken the clear layer",
+        )
+    elif depth > modelled + ROUNDING_MM:
+        yield warning(
+            "operating.max_depth_mm",
+            f"the silicone over the body of {part.name} is thin for this press: the contact model has no bodies in "
+            "the layer, so its forces there are too low",
+            value=f"{depth:g} mm",
+            limit=f"at most {mm(modelled)}, {LARGEST_SHARE_OF_LAYER:g} x the {mm(thinnest)} over it",
+            way_out="lower it, thicken the clear layer, or measure the force over a part",
+        )
 
-    A part that looks up lies on its back; a tilted one reaches back from its face by its depth.
-    """
-    x, y, _ = part.position_mm
-    (tx, ty), (ox, oy) = part.line.tangent, part.line.outward
-    half = part.part.body_width_mm.value / 2
-    if part.tilt_deg == 0.0:
-        low = part.part.active_height_in_body_mm.value
-        ends = (-low, part.part.body_height_mm.value - low)
-    else:
-        ends = (0.0, part.part.body_depth_mm.value)
-    corners = [(-half, ends[0]), (half, ends[0]), (half, ends[1]), (-half, ends[1])]
-    return np.array([(x + a * tx + b * ox, y + a * ty + b * oy) for a, b in corners])
+
+def _reach_mm(part: PlacedPart) -> float:
+    """Largest distance of a body's outline in plan from the middle of its face [mm]."""
+    return float(np.hypot(*(part.footprint_mm - part.position_mm[:2]).T).max())
 
 
-def _is_inside(draft: Draft, part: PlacedPart) -> bool:
-    return all(bool(draft.plan.contains(x, y)) for x, y in footprint_mm(part).tolist())
+def _to_wall_mm(draft: Draft, part: PlacedPart) -> float:
+    """Least distance of a body from the wall of the pad [mm]; negative where it reaches under the wall."""
+    return -max(draft.plan.outline.outside_mm(x, y) for x, y in part.footprint_mm.tolist())
 
 
 def _overlap_findings(parts: tuple[PlacedPart, ...]) -> Iterator[Finding]:
     """Error about the two bodies that overlap most, with the number of all such pairs."""
     found = []
-    for one, other in combinations(parts, 2):
-        if one.coupler is not None and (one.coupler, one.origin) == (other.coupler, other.origin):
+    bodies = [(part, part.footprint_mm, _reach_mm(part)) for part in parts]
+    for (one, mine, near), (other, theirs, far) in combinations(bodies, 2):
+        if one.coupler is not None and one.coupler == other.coupler:
             continue
-        reach = math.dist(one.position_mm[:2], other.position_mm[:2])
-        if reach < 2.0 * sum(
-            math.hypot(p.part.body_width_mm.value, p.part.body_height_mm.value) for p in (one, other)
-        ):
-            gap = _gap_mm(footprint_mm(one), footprint_mm(other))
+        if math.dist(one.position_mm[:2], other.position_mm[:2]) < near + far + APART_MM:
+            gap = _gap_mm(mine, theirs)
             if gap < APART_MM - ROUNDING_MM:
                 found.append((gap, one, other))
     if found:
         gap, one, other = min(found, key=lambda row: row[0])
-        more = f" and {len(found) - 1} more pairs" if len(found) > 1 else ""
+        more = len(found) - 1
+        others = f" (and {more} more pair{'s' if more > 1 else ''})" if more else ""
         yield error(
             other.origin,
-            f"the bodies of {one.name} and {other.name}{more} are too near to each other on the board",
+            f"the bodies of {one.name} and {other.name}{others} are too near to each other on the board",
             value=f"{mm(gap)} apart" if gap >= 0.0 else f"they overlap by {mm(-gap)}",
             limit=f"at least {mm(APART_MM)}",
             way_out="raise the pitch, use fewer parts, or smaller ones",
@@ -170,7 +232,7 @@ def skin_findings(draft: Draft) -> Iterator[Finding]:
     top = draft.design.top
     if top is None or (top.skin is not None and top.skin not in draft.entries.skins):
         return
-    if draft.design.surfaces.wall_finish != "diffuse":
+    if draft.design.surfaces.wall_finish != "diffuse" and not draft.cavity.on_floor:
         yield error(
             "surfaces.wall_finish",
             "light under a skin is not traced by way of smooth walls",

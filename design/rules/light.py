@@ -358,7 +358,9 @@ def _middle_findings(cavity: CavityGeometry) -> Iterator[Finding]:
             "no pair looks across the middle of the pad, so a light touch there is detected late",
             value=f"the nearest line from an emitter to a receiver is {mm(nearest)} from the middle",
             limit=f"at most the tip's radius, {mm(cavity.tip_radius_mm)}",
-            way_out="use an odd count in a ring, or put a receiver opposite an emitter",
+            way_out="put parts nearer to the middle"
+            if cavity.on_floor
+            else "use an odd count in a ring, or put a receiver opposite an emitter",
         )
 
 

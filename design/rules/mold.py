@@ -231,7 +231,7 @@ def _fit_findings(draft: Draft, outline: MoldOutline) -> Iterator[Finding]:
                 f"mold.fits.{part_id}",
                 "no part of the layout is one of these",
                 value=part_id,
-                limit=f"one of {', '.join(used)}",
+                limit=f"one of {', '.join(used)}" if used else "no fits: parts on the floor have no sockets",
                 way_out="correct the name, or leave it out",
             )
 

@@ -18,10 +18,12 @@ from optopad.design.fields.finding import Finding, error, mm, outside_models
 from optopad.design.fields.quantity import ROUNDING_MM
 from optopad.design.mold.filling import (
     INSET_MM,
+    LEAST_PASSAGE_MM,
     SPRUE_RADIUS_MM,
     VENT_RADIUS_MM,
     filling_offsets_mm,
     is_cast_under_lid,
+    passage_mm,
 )
 from optopad.design.shape.cavity import Plan, part_half_width_mm
 from optopad.design.spec.indenter import Indenter, tip_outline
@@ -136,7 +138,11 @@ def shape_findings(draft: Draft) -> Iterator[Finding]:
     yield from _outside_findings(draft, plan)
     if not plan.top.is_flat:
         yield from _lid_findings(draft)
-        yield from _filling_findings(plan, draft.design.cavity.size_fields[1])
+        yield from (
+            _passage_findings(draft)
+            if draft.design.is_on_board
+            else _filling_findings(plan, draft.design.cavity.size_fields[1])
+        )
         yield from _press_findings(draft, plan)
 
 
@@ -268,6 +274,18 @@ def _filling_findings(plan: Plan, size_field: str) -> Iterator[Finding]:
             value=f"{mm(across)} from the middle to them",
             limit=f"at least {mm(least)}, with their middles {mm(INSET_MM)} from the walls",
             way_out="raise it, or leave the crown out",
+        )
+
+
+def _passage_findings(draft: Draft) -> Iterator[Finding]:
+    size = passage_mm(draft.plan, draft.outline.top_mm, draft.design.mold.min_web_mm)
+    if size < LEAST_PASSAGE_MM - ROUNDING_MM:
+        yield error(
+            "cavity.clear_thickness_mm",
+            "the frame's walls have no room for sprue and vents, through which a crowned pad is filled",
+            value=f"{mm(draft.plan.rim_mm[0])} of clear layer at the edge, rim at {mm(draft.outline.top_mm)}",
+            limit=f"at least {mm(LEAST_PASSAGE_MM)} at the edge, and mold.min_web_mm more at the rim",
+            way_out="raise it or crown.radius_mm, or leave the crown out",
         )
 
 

@@ -50,6 +50,8 @@ TURN_RAD = 2.0 * math.pi / 96
 
 The arc bulges beyond the polygon's side by 5e-4 of its radius.
 """
+RIGHT_DEG = 90.0
+"""Tilt of a part whose face is vertical [deg]."""
 PIECES = 16
 """Number of pieces of a straight wall in drawings where its upper edge is curved."""
 
@@ -236,7 +238,7 @@ class PlacedPart:
     height_field : dotted path of the field that sets its height
     angle_deg : direction of its facet in a round wall; None in a straight wall
     tilt_deg : angle between its axis and the vertical: 90 in a wall; on the floor, 0 looks up
-    coupler : name of the package that it shares with a part of the other kind, such as U1; None if it has its own
+    coupler : name of the package that it shares with a part of the other kind, such as OC1; None if it has its own
     """
 
     name: str
@@ -250,7 +252,7 @@ class PlacedPart:
     origin: str
     height_field: str
     angle_deg: float | None = None
-    tilt_deg: float = 90.0
+    tilt_deg: float = RIGHT_DEG
     coupler: str | None = None
 
     @property
@@ -262,6 +264,11 @@ class PlacedPart:
     def is_on_floor(self) -> bool:
         """Whether the part stands on the floor; its `line` then passes under it, outward against its direction."""
         return self.line.name == FLOOR
+
+    @property
+    def is_leaning(self) -> bool:
+        """Whether the part neither looks up nor stands upright, so that it leans over the floor."""
+        return 0.0 < self.tilt_deg < RIGHT_DEG
 
     @property
     def turn_deg(self) -> float:
@@ -313,9 +320,80 @@ class PlacedPart:
     @property
     def body_top_mm(self) -> float:
         """Height of the upper end of the part's body above the clear layer's bottom [mm]."""
-        if self.tilt_deg == 0.0:
-            return self.height_mm
-        return self.body_base_mm + self.part.body_height_mm.value
+        above = self.part.body_height_mm.value - self.part.active_height_in_body_mm.value
+        return self.height_mm + self._tilt[0] * above
+
+    @property
+    def place_lines(self) -> tuple[str, ...]:
+        """Position in short lines: x or y [mm] in a straight wall, a direction in a round one, x and y on the floor."""
+        x, y, _ = self.position_mm
+        if self.is_on_floor:
+            return f"x {x:.2f}", f"y {y:.2f}"
+        if self.angle_deg is not None:
+            return (f"at {self.wall.removesuffix('-degree')} deg",)
+        return (f"x {x:.2f}" if self.line.outward[0] == 0.0 else f"y {y:.2f}",)
+
+    @property
+    def place_words(self) -> str:
+        """Position in words: the wall and the position in it, or the floor with x and y and where a part looks."""
+        place = ", ".join(self.place_lines)
+        if self.angle_deg is not None:
+            return place
+        words = f"{self.wall}{'' if self.is_on_floor else ' wall'}, {place} mm"
+        if not self.is_on_floor or self.tilt_deg == 0.0:
+            return words
+        return f"{words}, tilted {self.tilt_deg:g} deg towards {self.turn_deg:g} deg"
+
+    @property
+    def footprint_mm(self) -> FloatArray:
+        """(4, 2) corners of its body seen from above, from the side at its face [mm].
+
+        On the floor, a part that looks up lies on its back; one that looks level reaches back by its depth.
+        """
+        (sine, cosine), size = self._tilt, self.part
+        half, low = size.body_width_mm.value / 2, size.active_height_in_body_mm.value
+        front, back = -low * cosine, (size.body_height_mm.value - low) * cosine
+        ends = (front, back + size.body_depth_mm.value * sine)
+        corners = ((-half, ends[0]), (half, ends[0]), (half, ends[1]), (-half, ends[1]))
+        return np.array([self.line.point(self.along_mm + along, out) for along, out in corners])
+
+    @property
+    def face_mm(self) -> FloatArray:
+        """(4, 3) corners of its active area [mm]: lower edge along `line.tangent`, then the upper one back."""
+        (sine, cosine), (x, y, z) = self._tilt, self.position_mm
+        (tx, ty), (ox, oy) = self.line.tangent, self.line.outward
+        half, up = self.half_width_mm, self.half_height_mm
+        corners = ((-half, -up), (half, -up), (half, up), (-half, up))
+        return np.array(
+            [(x + a * tx + b * cosine * ox, y + a * ty + b * cosine * oy, z + b * sine) for a, b in corners]
+        )
+
+    @property
+    def body_mm(self) -> FloatArray:
+        """(8, 3) corners of its body [mm]: those behind, then those in the plane of the face.
+
+        Each four are counter-clockwise as seen from the front, from the lower edge on.
+        """
+        (sine, cosine), size, low = self._tilt, self.part, self.part.active_height_in_body_mm.value
+        (ox, oy), (x, y, z) = self.line.outward, self.position_mm
+        across = np.array([oy, -ox, 0.0])
+        up, front = np.array([cosine * ox, cosine * oy, sine]), np.array(self.axis)
+        half, high = size.body_width_mm.value / 2, size.body_height_mm.value - low
+        face = [a * across + b * up for a, b in ((-half, -low), (half, -low), (half, high), (-half, high))]
+        back = -size.body_depth_mm.value * front
+        return np.asarray(np.array([x, y, z]) + np.array([*(one + back for one in face), *face]))
+
+    @property
+    def label_way(self) -> Point:
+        """Direction in plan from the part to its label: out of the pad for a part in a wall, north on the floor."""
+        return (0.0, 1.0) if self.is_on_floor else self.line.outward
+
+    def body_mm3(self, low_mm: float, high_mm: float) -> float:
+        """Volume of the body of a part on the floor between two heights [mm3]; about, for a body that leans."""
+        size = self.part
+        volume = size.body_width_mm.value * size.body_height_mm.value * size.body_depth_mm.value
+        shared = min(high_mm, self.body_top_mm) - max(low_mm, self.body_base_mm)
+        return volume * max(shared, 0.0) / (self.body_top_mm - self.body_base_mm)
 
     @property
     def position_mm(self) -> tuple[float, float, float]:
@@ -367,6 +445,13 @@ class CavityGeometry:
     def on_floor(self) -> tuple[PlacedPart, ...]:
         """The placed parts on the floor, emitters first."""
         return tuple(part for part in self.parts if part.is_on_floor)
+
+    @property
+    def layers_mm3(self) -> tuple[float, float]:
+        """Volumes of the black and of the clear layer, without the bodies of parts on the floor [mm3]."""
+        black = sum(part.body_mm3(-self.black_mm, 0.0) for part in self.on_floor)
+        clear = sum(part.body_mm3(0.0, part.clear_mm) for part in self.on_floor)
+        return self.plan.area_mm2 * self.black_mm - black, self.plan.clear_volume_mm3 - clear
 
     @property
     def volume_mm3(self) -> float:
@@ -488,14 +573,14 @@ def _standing(design: SensorDesign, place: Placement, bare: Plan, part_id: str, 
         origin=place.origin,
         height_field="cavity.black_thickness_mm" if place.height_mm is None else f"{place.origin}.height_mm",
         tilt_deg=place.tilt_deg,
-        coupler=None if place.coupler is None else f"U{place.coupler}",
+        coupler=place.coupler,
     )
 
 
 def _face_in_body_mm(part: Part, tilt_deg: float) -> float:
-    """Height of the active area's centre above the lowest point of a part's body, about, at a tilt [mm].
+    """Height of the active area's centre above the lowest point of a part's body at a tilt [mm].
 
-    Exact for a part that looks up, which lies on its back, and for one that looks level, which stands.
+    A part that looks up lies on its back, and one that looks level stands.
     """
     cosine, sine = _unit(tilt_deg)
     return cosine * part.body_depth_mm.value + sine * part.active_height_in_body_mm.value

@@ -306,7 +306,7 @@ class Placement:
     origin : dotted path of the pattern that defines the part, for messages
     at_mm : x, y of a part on the floor; None in a wall
     tilt_deg, turn_deg : axis of a part on the floor: angle to the vertical, and direction in plan
-    coupler : number of the coupler that the part belongs to, from 1 within its pattern; None for a part of its own
+    coupler : name of the coupler that the part belongs to, such as OC1; None for a part of its own
     """
 
     name: str
@@ -320,17 +320,23 @@ class Placement:
     at_mm: tuple[float, float] | None = None
     tilt_deg: float = 0.0
     turn_deg: float = 0.0
-    coupler: int | None = None
+    coupler: str | None = None
 
 
 def expand(layout: tuple[Pattern, ...], cavity: Cavity) -> tuple[Placement, ...]:
     """Positions of all emitters and receivers of a layout in the walls of a cavity, in the order of the patterns.
 
-    Names are E1, E2, ... and R1, R2, ... in this order. A single part may have a name of its own.
+    Names are E1, E2, ... and R1, R2, ... in this order, and OC1, OC2, ... of couplers. A single part may have a name of
+    its own.
     """
     bare: list[Placement] = []
     for index, pattern in enumerate(layout):
         bare += _expand_one(pattern, f"layout.{index}", cavity)
+    couplers = dict.fromkeys((one.origin, one.coupler) for one in bare if one.coupler is not None)
+    names: dict[tuple[str, str | None], str] = {
+        coupler: f"OC{number}" for number, coupler in enumerate(couplers, start=1)
+    }
+    bare = [replace(one, coupler=names.get((one.origin, one.coupler))) for one in bare]
     bare = _with_rows_in_turn(layout, bare, cavity)
     counters = {"emitter": 0, "receiver": 0}
     named = []
@@ -569,7 +575,7 @@ def _grid(pattern: Grid, origin: str, cavity: Cavity) -> list[Placement]:
             _on_floor(kind, (x + side * offset[0], y + side * offset[1]), origin, turn_deg=pattern.turn_deg),
             part=pattern.part,
             height_mm=pattern.height_mm,
-            coupler=number if pattern.kind == "coupler" else None,
+            coupler=f"OC{number}" if pattern.kind == "coupler" else None,
         )
         for number, (x, y) in enumerate(
             _squares(pattern, cavity, (pattern.shift_x_mm, pattern.shift_y_mm)), start=1

@@ -709,6 +709,12 @@ class SensorDesign(Model):
                 return f"a {outline} has no straight {have}; use {_or_of((*BY_ANGLE, *ON_FLOOR))}"
         return None
 
+    @cached_property
+    def is_on_board(self) -> bool:
+        """Whether all parts are on the floor, a circuit board, so that the mold is a frame around it."""
+        walls = {place.wall for place in expand(self.layout, self.cavity)}
+        return walls == {FLOOR}
+
     @property
     def value_noise_counts(self) -> float:
         """Read noise (standard deviation) of a frame's values, each the mean of `board.averages` readings [counts]."""

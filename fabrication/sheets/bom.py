@@ -23,7 +23,7 @@ from optopad.design.circuit.emitter_switch import (
 )
 from optopad.design.circuit.transimpedance import Feedback, settle_words
 from optopad.design.mold.filling import is_cast_under_lid
-from optopad.design.mold.outline import outline_of
+from optopad.design.mold.outline import is_levelled, outline_of
 from optopad.design.parts.assumptions import assumption, ohm_text
 from optopad.design.parts.catalog import (
     Board,
@@ -66,8 +66,10 @@ WIRES_EACH = 2
 """Wires from each emitter and receiver to the circuit."""
 USUAL_WIRE_MM = 0.8
 """Diameter of the wires over their insulation, if no part states one [mm]."""
+BOARD_MM = 1.6
+"""Usual thickness of a circuit board [mm]."""
 THREADS_MM = (2.0, 2.5, 3.0, 4.0, 5.0, 6.0)
-"""Metric threads of the screws of a mold in two pieces (ISO 261)."""
+"""Metric threads of the screws through the fixing holes (ISO 261)."""
 SCREW_LENGTHS_MM = (6, 8, 10, 12, 16, 20, 25, 30, 35, 40, 45, 50, 55, 60, 65, 70, 80, 90, 100)
 """Standard lengths of hexagon socket screws (ISO 4762)."""
 SET_BY_GAIN = "set by gain"
@@ -126,14 +128,14 @@ def bom_rows(
     circuit = Circuit.of(design)
     cavity, board = circuit.cavity, circuit.board
     return (
-        *_part_rows(cavity.emitters),
-        *_part_rows(cavity.receivers),
+        *_coupler_rows(cavity.parts),
+        *_part_rows([part for part in cavity.emitters if part.coupler is None]),
+        *_part_rows([part for part in cavity.receivers if part.coupler is None]),
         _ordered(BomRow(item=board.title, catalogue_id=design.board.kind, quantity=1)),
         *_switch_rows(circuit),
         *_amplifier_rows(circuit, gain),
         *_circuit_rows(circuit),
-        _header_row(cavity.parts),
-        *_wire_rows(cavity.parts),
+        *(() if design.is_on_board else (_header_row(cavity.parts), *_wire_rows(cavity.parts))),
         *_silicone_rows(design),
         *_printed_rows(design, mold_mm3),
     )
@@ -180,6 +182,35 @@ def _cells(row: BomRow) -> tuple[str | float | None, ...]:
         cost.source if cost is not None else NO_PRICE if row.is_bought else NOT_BOUGHT,
         row.note,
     )
+
+
+def _coupler_rows(parts: Sequence[PlacedPart]) -> Iterator[BomRow]:
+    """Items for couplers: one package for an emitter and a receiver, which are two entries of the catalogue."""
+    held: dict[str, list[PlacedPart]] = {}
+    for part in parts:
+        if part.coupler is not None:
+            held.setdefault(part.coupler, []).append(part)
+    kinds: dict[tuple[str, ...], list[str]] = {}
+    for name, halves in held.items():
+        kinds.setdefault(tuple(half.part_id for half in halves), []).append(name)
+    for names in kinds.values():
+        halves = held[names[0]]
+        row = BomRow(
+            item=f"coupler: {' and '.join(half.part.title for half in halves)}",
+            catalogue_id=halves[0].part_id,
+            quantity=len(names),
+            references=tuple(names),
+            manufacturer=halves[0].part.manufacturer,
+            cost=halves[0].part.cost,
+            note=" ".join(
+                (
+                    "; ".join(f"{name}: {' '.join(half.name for half in held[name])}" for name in names)
+                    + ".",
+                    *dict.fromkeys(note for half in halves for note in half.part.notes),
+                )
+            ),
+        )
+        yield _ordered(row)
 
 
 def _part_rows(placed: Sequence[PlacedPart]) -> Iterator[BomRow]:
@@ -437,7 +468,10 @@ def _printed_rows(design: SensorDesign, mold_mm3: float | None) -> Iterator[BomR
     if mold_mm3 is not None:
         mold_g = mold_mm3 / MM3_PER_CM3 * material.density_g_per_cm3.value
         note += f"; {mold_g:.1f} g when printed solid"
-    for name, files in [("mold", note), *((tool, f"cad/{file}.stl") for tool, file in _tools(design))]:
+    for name, files in [
+        ("frame" if design.is_on_board else "mold", note),
+        *((tool, f"cad/{file}.stl") for tool, file in _tools(design)),
+    ]:
         yield BomRow(
             item=f"printed {name}",
             catalogue_id=design.mold.material,
@@ -447,7 +481,10 @@ def _printed_rows(design: SensorDesign, mold_mm3: float | None) -> Iterator[BomR
             note=files,
         )
     if design.mold.pieces == "frame_and_base":
-        yield _screw_row(design.mold.fixing_hole_diameter_mm, outline_of(design).height_mm)
+        yield _screw_row(design, outline_of(design).height_mm, "hold frame and base together")
+    if design.is_on_board and design.mold.fixing_hole_diameter_mm > 0:
+        through_mm = outline_of(design).height_mm + BOARD_MM
+        yield _screw_row(design, through_mm, "hold the frame on the circuit board")
     if design.mold.cover_ledge_mm:
         yield BomRow(
             item="glass cover",
@@ -458,8 +495,9 @@ def _printed_rows(design: SensorDesign, mold_mm3: float | None) -> Iterator[BomR
         )
 
 
-def _screw_row(hole_mm: float, height_mm: float) -> BomRow:
-    """Screws with nuts for frame and base: the largest thread and the shortest standard length that fit."""
+def _screw_row(design: SensorDesign, height_mm: float, purpose: str) -> BomRow:
+    """Screws with nuts through the fixing holes: the largest thread and the shortest standard length that fit."""
+    hole_mm = design.mold.fixing_hole_diameter_mm
     thread = max((size for size in THREADS_MM if size < hole_mm), default=None)
     length = next((one for one in SCREW_LENGTHS_MM if thread and one >= height_mm + thread), None)
     fits = thread is not None and length is not None
@@ -469,19 +507,20 @@ def _screw_row(hole_mm: float, height_mm: float) -> BomRow:
         value=f"for holes of {hole_mm:g} mm, longer than {height_mm:g} mm",
         part_number=f"ISO 4762 M{thread:g} x {length:g} and ISO 4032 M{thread:g}" if fits else "",
         order_quantity=4,
-        note="hold frame and base together",
+        note=purpose,
     )
 
 
 def _tools(design: SensorDesign) -> Iterator[tuple[str, str]]:
-    if is_cast_under_lid(plan_of(design)):
+    is_under_lid = is_cast_under_lid(plan_of(design))
+    if is_under_lid:
         yield "lid", "lid"
-    else:
-        if design.cavity.black_thickness_mm > 0:
-            yield "leveling blade", "leveling_blade"
-        if design.mold.rim_mm > 0:
-            yield "pour gauge", "pour_gauge"
-    yield "solder jig", "solder_jig"
+    if is_levelled(design):
+        yield "leveling blade", "leveling_blade"
+    if design.mold.rim_mm > 0 and not is_under_lid:
+        yield "pour gauge", "pour_gauge"
+    if not design.is_on_board:
+        yield "solder jig", "solder_jig"
     yield "indenter tip", "indenter_tip"
 
 

@@ -18,16 +18,25 @@ from optopad.design.circuit.transimpedance import (
     settling_findings,
 )
 from optopad.design.draft import Draft
+from optopad.design.fields.base import get_at
+from optopad.design.fields.quantity import ROUNDING_MM
 from optopad.design.mold.filling import is_cast_under_lid
-from optopad.design.mold.outline import outline_of
+from optopad.design.mold.outline import is_levelled, outline_of
 from optopad.design.mold.webs import bodies_above_rim, pockets_below_clear_layer
 from optopad.design.parts.assumptions import assumption, ohm_text
-from optopad.design.parts.catalog import find_mold_material
+from optopad.design.parts.catalog import find_mold_material, find_skin
 from optopad.design.preset import true_description
 from optopad.design.rules.mold import is_inhibited
-from optopad.design.shape.cavity import PlacedPart, cavity_of, facing_pairs
+from optopad.design.shape.cavity import CavityGeometry, PlacedPart, cavity_of, facing_pairs
 from optopad.design.spec import SensorDesign
-from optopad.design.spec.properties import clearance_mm, elastomer_of, entries_of, fit_name, quantities_of
+from optopad.design.spec.properties import (
+    clearance_mm,
+    elastomer_of,
+    entries_of,
+    fit_name,
+    quantities_of,
+    skin_of,
+)
 from optopad.fabrication.connections import polarity_of
 from optopad.fabrication.gain import SimulatedGain, clipped_pairs, feedbacks_for
 from optopad.fabrication.sheets.bom import BomRow, bom_rows
@@ -88,14 +97,40 @@ def _casting(design: SensorDesign) -> dict[str, Any]:
         },
         "kinds": _kinds(design, cavity.parts),
         "under_lid": is_cast_under_lid(cavity.plan),
+        "is_levelled": is_levelled(design),
+        **_board(design, cavity),
+        **_skin(design),
         "low_pockets": pockets_below_clear_layer(outline_of(design)),
         "above_rim": bodies_above_rim(outline_of(design)),
         "cover_mm": [side + 2 * ledge - COVER_PLAY_MM for side in (size.length_mm, size.width_mm)],
         "hands_minutes": len(layers) * (HANDS_MINUTES + assumption("degas_minutes").value),
         "coldest": min(elastomer.cure, key=lambda way: way.temperature_c, default=None),
         "is_inhibited": is_inhibited(Draft(design)),
-        "heights": {part.height_field: part.height_mm for part in cavity.parts},
+        "heights": {
+            part.height_field: get_at(design.model_dump(mode="json"), part.height_field)
+            for part in cavity.parts
+        },
     }
+
+
+def _board(design: SensorDesign, cavity: CavityGeometry) -> dict[str, Any]:
+    """Parts on the circuit board that need care in casting, and the least height of a face above the black layer."""
+    bottom, floor = -design.cavity.black_thickness_mm, cavity.on_floor
+    standing = [part for part in floor if part.body_top_mm > ROUNDING_MM]
+    return {
+        "raised": [part.name for part in floor if part.body_base_mm > bottom + ROUNDING_MM],
+        "leaning": [part.name for part in floor if part.is_leaning],
+        "standing": [part.name for part in standing],
+        "standing_mm": min((part.height_mm for part in standing), default=0.0),
+    }
+
+
+def _skin(design: SensorDesign) -> dict[str, Any]:
+    """The skin on the top, and its name; None for a bare top."""
+    if design.top is None:
+        return {"skin": None}
+    named = None if design.top.skin is None else find_skin(entries_of(design), design.top.skin).title
+    return {"skin": skin_of(design), "skin_title": named or "the skin of the design"}
 
 
 def _kinds(design: SensorDesign, parts: Sequence[PlacedPart]) -> list[dict[str, Any]]:

@@ -1,4 +1,4 @@
-"""Drawing of the parts' orientation in the wall: for each type of part and height, a cross-section through the socket.
+"""Drawing of the parts' orientation: for each type of part and height, a cross-section through its socket or board.
 
       cavity | wall                    the active face points into the cavity; its centre's height is measured
              |______ rim               from the bottom of the clear layer (z = 0)
@@ -8,16 +8,28 @@
      black   |  ||  leads or wires
     ---------+-------- bed
 
+Parts on the floor are drawn on their circuit board, with the layers around them:
+
+     ~ fill ~~~~~~~~~~
+      clear  __face__     looks up; its height is measured from the bottom of the clear layer
+     _______| body  |___
+     black  |_______|
+    ==================== circuit board
+
 The drawing agrees with the printed part: its numbers come from `optopad.design.mold.outline`.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 
 from optopad.design.circuit.circuit import Circuit
+from optopad.design.fields.quantity import ROUNDING_MM
 from optopad.design.mold.outline import MoldOutline, outline_of
 from optopad.design.mold.sockets import Cut, Socket, lead_setback_mm
+from optopad.design.shape.cavity import PlacedPart, cavity_of
 from optopad.design.spec import SensorDesign
 from optopad.design.spec.properties import clearance_mm, fit_name
 from optopad.fabrication.connections import polarity_of
@@ -36,6 +48,8 @@ LINE_PX = 19.0
 HEAD = 62.0
 TEXT_WIDTH = 470.0
 WALL, CLEAR, BLACK, BODY, INK, QUIET = "#d9d9d9", "#eaf4ff", "#4d4d4d", "#ffffff", "#222222", "#595959"
+BOARD, BOARD_MM = "#3f7d55", 1.6
+"""Colour and thickness of a circuit board; 1.6 mm is the usual one."""
 
 
 def orientation_svg(design: SensorDesign) -> str:
@@ -46,25 +60,29 @@ def orientation_svg(design: SensorDesign) -> str:
     DesignError : the catalogue does not have a part.
     """
     outline = outline_of(design)
-    groups = _groups(outline.sockets)
-    tallest = (outline.highest_mm - outline.bottom_mm) * SCALE
+    groups, standing = _groups(outline.sockets), _standing(cavity_of(design).on_floor)
+    below = BOARD_MM if outline.is_frame else 0.0
+    tallest = (outline.highest_mm - outline.bottom_mm + below) * SCALE
     widest = (INSIDE_MM + max(outline.wall_x_mm, outline.wall_y_mm)) * SCALE
     row = max(tallest + 2 * LINE_PX, 11 * LINE_PX) + GAP
     root = svg.drawing(
         2 * MARGIN + widest + GAP + TEXT_WIDTH,
-        HEAD + len(groups) * row + MARGIN,
-        f"Parts of {design.name} in their sockets",
-        f"Sections through {len(groups)} kinds of socket, true to scale",
+        HEAD + (len(groups) + len(standing)) * row + MARGIN,
+        f"Parts of {design.name} in their places",
+        f"Sections through {len(groups) + len(standing)} kinds of places, true to scale",
     )
     root.append(svg.text((MARGIN, MARGIN + HEADING_PX), design.name, HEADING_PX, font_weight="bold"))
-    subtitle = (
-        f"parts in their sockets, cut across the wall; design digest {design.digest[:8]}; lengths in mm"
-    )
+    where = "on the circuit board" if outline.is_frame else "in their sockets, cut across the wall"
+    subtitle = f"parts {where}; design digest {design.digest[:8]}; lengths in mm"
     root.append(svg.text((MARGIN, MARGIN + HEADING_PX + LINE_PX), subtitle, TEXT_PX, fill=QUIET))
-    for place, group in enumerate(groups):
+    drawn = [
+        *((partial(_section, design, outline, group[0]), _words(design, group)) for group in groups),
+        *((partial(_on_board, outline, alike[0]), _board_words(design, alike)) for alike in standing),
+    ]
+    for place, (section, words) in enumerate(drawn):
         top = HEAD + place * row + LINE_PX
-        root.append(_section(design, outline, group[0], (MARGIN, top)))
-        for line, text in enumerate(_words(design, group)):
+        root.append(section((MARGIN, top)))
+        for line, text in enumerate(words):
             at = MARGIN + widest + GAP, top + (line + 1) * LINE_PX
             root.append(svg.text(at, text, TEXT_PX, **({"font_weight": "bold"} if line == 0 else {})))
     return svg.to_text(root)
@@ -76,6 +94,76 @@ def _groups(sockets: Sequence[Socket]) -> list[list[Socket]]:
         key = socket.part.part_id, socket.part.height_mm, socket.frame.thickness_mm
         groups.setdefault(key, []).append(socket)
     return list(groups.values())
+
+
+def _standing(parts: Sequence[PlacedPart]) -> list[list[PlacedPart]]:
+    """Parts on the floor in groups of one type, height and tilt."""
+    groups: dict[tuple[str, float, float], list[PlacedPart]] = {}
+    for part in parts:
+        groups.setdefault((part.part_id, round(part.height_mm, 9), part.tilt_deg), []).append(part)
+    return list(groups.values())
+
+
+def _on_board(outline: MoldOutline, part: PlacedPart, corner: Point) -> Element:
+    """Cross-section through a part on the circuit board, along the direction in which it looks or is turned."""
+    wide = INSIDE_MM + max(outline.wall_x_mm, outline.wall_y_mm)
+    board, tilt = outline.cavity_bottom_mm, math.radians(part.tilt_deg)
+
+    def at(across: float, z: float) -> Point:
+        return corner[0] + (wide / 2 + across) * SCALE, corner[1] + (outline.highest_mm - z) * SCALE
+
+    def block(z0: float, z1: float, fill: str) -> Element:
+        return svg.rectangle(at(-wide / 2, z1), at(wide / 2, z0), fill=fill)
+
+    def on_body(up_face: float, behind: float) -> Point:
+        """Point of the body: distance up the face from the active area's middle, and behind the face [mm]."""
+        across = -up_face * math.cos(tilt) - behind * math.sin(tilt)
+        return at(across, part.height_mm + up_face * math.sin(tilt) - behind * math.cos(tilt))
+
+    size, colour = part.part, EMITTER_COLOUR if part.kind == "emitter" else RECEIVER_COLOUR
+    low, deep = size.active_height_in_body_mm.value, size.body_depth_mm.value
+    high, half = size.body_height_mm.value - low, part.half_height_mm
+    drawing = svg.group(f"{part.name}: {size.title}")
+    drawing.append(block(0.0, outline.fill_mm, CLEAR))
+    if board < 0:
+        drawing.append(block(board, 0.0, BLACK))
+    drawing.append(block(board - BOARD_MM, board, BOARD))
+    body = [on_body(-low, 0.0), on_body(high, 0.0), on_body(high, deep), on_body(-low, deep)]
+    drawing.append(svg.polygon(body, fill=BODY, stroke=INK, stroke_width="1.6"))
+    face = [on_body(-half, 0.0), on_body(half, 0.0)]
+    drawing.append(svg.polyline(face, stroke=colour, stroke_width="4"))
+    drawing.extend(svg.arrow(on_body(0.0, -0.3), on_body(0.0, -min(3.0, 0.6 * outline.fill_mm)), colour))
+    surface = [at(-wide / 2, outline.fill_mm), at(wide / 2, outline.fill_mm)]
+    drawing.append(svg.polyline(surface, stroke="#2f6b9a", stroke_width="2"))
+    foot = at(-wide / 2 + 2.5, 0.0)
+    drawing.append(
+        svg.polyline(
+            [at(-wide / 2, part.height_mm), at(0.0, part.height_mm)], stroke=QUIET, stroke_dasharray="3 3"
+        )
+    )
+    drawing.append(
+        svg.text(
+            (foot[0] - 2.4 * SCALE, at(0.0, part.height_mm)[1] - 5), number(part.height_mm), TEXT_PX, fill=INK
+        )
+    )
+    return drawing
+
+
+def _board_words(design: SensorDesign, alike: Sequence[PlacedPart]) -> list[str]:
+    part = alike[0]
+    names = [one.name for one in alike]
+    board = -design.cavity.black_thickness_mm
+    looks = "looks up" if part.tilt_deg == 0.0 else f"tilted {part.tilt_deg:g} degrees from looking up"
+    gap = part.body_base_mm - board
+    stands = "on the circuit board" if gap < ROUNDING_MM else f"{number(gap)} above the circuit board"
+    return [
+        part.part.title,
+        *(" ".join(names[k : k + 12]) for k in range(0, len(names), 12)),
+        f"active face {looks}, centre {number(part.height_mm - board)} above the board"
+        + (f", {number(part.height_mm)} above the black layer" if board < 0 else ""),
+        f"body {stands}, top {number(part.body_top_mm - board)} above the board",
+        *_wrapped(polarity_of(part, Circuit.of(design))),
+    ]
 
 
 def _section(design: SensorDesign, outline: MoldOutline, socket: Socket, corner: Point) -> Element:

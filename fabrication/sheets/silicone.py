@@ -5,7 +5,8 @@ thickness, less the volume that a convex top removes. The curing agent is rounde
 least as much as the scale weighs with an error of `MOST_WEIGHING_ERROR`; base and agent are in the mixing ratio. All
 sheets take the weights from here, so that they agree.
 
-The computation neglects the volumes of the parts' bodies, of the gaps around them, and of carbon black.
+The volume of bodies on the floor is subtracted. The computation neglects the volumes of bodies in walls, of the gaps
+around them, and of carbon black.
 """
 
 from __future__ import annotations
@@ -57,10 +58,9 @@ class Pour:
 def pours(design: SensorDesign) -> tuple[Pour, ...]:
     """Weights of silicone for each layer, in the order of casting; a black layer of thickness 0 is left out."""
     cavity = cavity_of(design)
-    plan = cavity.plan
-    black, clear = plan.area_mm2 * cavity.black_mm, plan.clear_volume_mm3
+    black, clear = cavity.layers_mm3
     layers = (("black", cavity.black_mm, black), ("clear", cavity.clear_mm, clear))
-    if not plan.top.is_flat:  # cast upside down
+    if not (cavity.plan.top.is_flat or design.is_on_board):  # cast upside down
         layers = layers[::-1]
     density, ratio = elastomer_of(design).density_g_per_cm3.value, design.elastomer.mixing_ratio
     return tuple(_pour(density, ratio, *layer) for layer in layers if layer[1] > 0)

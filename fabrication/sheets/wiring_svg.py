@@ -8,19 +8,20 @@
       +--^----o---+
          E1   R1
 
-On a round pad, a label is at the side of the sheet nearest to its part. The shapes of bodies and mold come from
-`optopad.design.mold.outline`, so the drawing agrees with the printed part.
+On a round pad, a label is at the side of the sheet nearest to its part. Parts on the floor have their labels at them.
+The shapes of bodies and mold come from `optopad.design.mold.outline`, so the drawing agrees with the printed part.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 from optopad.design.circuit.circuit import Circuit
 from optopad.design.mold.outline import MoldOutline, outline_of
 from optopad.design.mold.sockets import Socket
-from optopad.design.shape.cavity import TURN_RAD, PlacedPart, Plan, workspace_of
+from optopad.design.shape.cavity import TURN_RAD, Plan, workspace_of
 from optopad.design.shape.outline import Outline, X
 from optopad.design.spec import SensorDesign
 from optopad.design.spec.pad import WALLS, Wall
@@ -55,7 +56,10 @@ def legend_lines(design: SensorDesign, connections: Sequence[Connection]) -> lis
         ("workspace", f"workspace of press centres: {_space_words(workspace)}"),
         ("origin", f"origin of x and y: {_origin_words(outline.plan)}"),
         ("", f"labels: reference, pin ({pin_words(Circuit.of(design))}), {_places_words(connections)}"),
-        ("", f"mold outside {size_words(outline.outer, ' mm')}"),
+        (
+            "",
+            f"{'frame' if outline.is_frame else 'mold'} outside {size_words(outline.outer, ' mm')}; {_layers(design)}",
+        ),
     ]
 
 
@@ -69,15 +73,20 @@ def _space_words(space: Outline) -> str:
 
 def _origin_words(plan: Plan) -> str:
     if plan.has_origin_corner:
-        return "inner corner next to the mold's cut edge"
+        return "inner corner next to the cut edge of the mold"
     box = "square" if plan.length_mm == plan.width_mm else "rectangle"
     return f"corner of the {box} around the {plan.outline.kind}; E1 shows the mold's orientation"
 
 
 def _places_words(connections: Sequence[Connection]) -> str:
-    by_angle = {one.part.angle_deg is not None for one in connections}
-    words = {False: "position along the wall in mm", True: "direction from the middle, 0 along x"}
-    return " or ".join(words[one] for one in sorted(by_angle))
+    words = {
+        "position along the wall in mm": any(
+            one.part.angle_deg is None and not one.part.is_on_floor for one in connections
+        ),
+        "direction from the middle, 0 along x": any(one.part.angle_deg is not None for one in connections),
+        "position of the active area's middle in mm": any(one.part.is_on_floor for one in connections),
+    }
+    return " or ".join(word for word, applies in words.items() if applies)
 
 
 def legend(top: float, lines: Sequence[tuple[str, str]]) -> Iterator[Element]:
@@ -112,6 +121,10 @@ NAME_PX, NOTE_PX, HEADING_PX = 16.0, 13.0, 20.0
 LETTER_SHARE = 0.6
 """Assumed width of a letter as a fraction of the font size [-]; the actual average is smaller."""
 LABEL_LINES = 3
+FLOOR_LINES = 5.0
+"""Height of the label of a part on the floor, with its symbol [lines]."""
+MOST_PX = 2600.0
+"""Largest length of the cavity's longer side on the sheet [px]; labels of very close parts then overlap."""
 LABEL_START_PX, LABEL_GAP_PX = 5.0, 10.0
 LINE_PX = 18.0
 LEADER_PX = 14.0
@@ -187,11 +200,19 @@ def wiring_svg(design: SensorDesign) -> str:
     root.extend(_mold(sheet))
     root.extend(_inside(sheet, workspace_of(design), design))
     sockets = {socket.part.name: socket for socket in sheet.outline.sockets}
-    root.extend(_part(sheet, one, sockets[one.part.name]) for one in connections)
+    root.extend(_part(sheet, one, sockets.get(one.part.name)) for one in connections)
     for side in WALLS:
-        root.extend(_labels(sheet, side, [one for one in connections if _side(one) == side], sockets))
+        root.extend(_labels(sheet, side, _on_side(connections, side), sockets))
+    for one in connections:
+        if one.part.is_on_floor:
+            root.extend(_own_label(sheet, one))
     root.extend(legend(legend_top, lines))
     return svg.to_text(root)
+
+
+def _on_side(connections: Sequence[Connection], side: Wall) -> list[Connection]:
+    """The parts in walls whose labels are at a side of the sheet."""
+    return [one for one in connections if not one.part.is_on_floor and _side(one) == side]
 
 
 def _side(one: Connection) -> Wall:
@@ -229,18 +250,24 @@ def _mean(values: list[float]) -> float:
 def _sheet(outline: MoldOutline, connections: Sequence[Connection]) -> Sheet:
     names = max(_text_px(one.part.name, NAME_PX) for one in connections)
     pins = max(_text_px(one.pin, PIN_PX) for one in connections)
-    places = max(_text_px(_place(one.part), NOTE_PX) for one in connections)
+    places = max(_text_px(line, NOTE_PX) for one in connections for line in one.part.place_lines)
     pitch = max(names, pins, places) + LABEL_GAP_PX
     second = LABEL_START_PX + names + LABEL_GAP_PX
     columns = (LABEL_START_PX, second, second + pins + LABEL_GAP_PX)
-    side = columns[2] + places
+    side = columns[2] + places if outline.sockets else 0.0
     needs = [PAD_PX / max(outline.length_mm, outline.width_mm)]
     for wall in WALLS:
-        count = sum(_side(one) == wall for one in connections)
+        count = len(_on_side(connections, wall))
         is_level = wall in ("south", "north")
         step, span = (pitch, outline.length_mm) if is_level else (SIDE_PITCH_PX, outline.width_mm)
         needs.append(count * step / span)
-    scale = max(needs)
+    on_floor = [one.part.position_mm for one in connections if one.part.is_on_floor]
+    own = max(names, pins, places) + LABEL_START_PX, FLOOR_LINES * LINE_PX
+    needs += [
+        min(own[0] / max(abs(x1 - x0), 1e-9), own[1] / max(abs(y1 - y0), 1e-9))
+        for (x0, y0, _), (x1, y1, _) in combinations(on_floor, 2)
+    ]
+    scale = min(max(needs), MOST_PX / max(outline.length_mm, outline.width_mm))
     above = MARGIN_PX + HEADING_PX + 2 * LINE_PX + LABEL_LINES * LINE_PX + LEADER_PX
     return Sheet(
         outline=outline,
@@ -255,13 +282,6 @@ def _sheet(outline: MoldOutline, connections: Sequence[Connection]) -> Sheet:
 
 def _text_px(content: str, size: float) -> float:
     return len(content) * size * LETTER_SHARE
-
-
-def _place(part: PlacedPart) -> str:
-    if part.wall not in WALLS:
-        return f"at {part.wall.removesuffix('-degree')} deg"
-    x, y, _ = part.position_mm
-    return f"x {x:.2f}" if part.wall in ("south", "north") else f"y {y:.2f}"
 
 
 def _heading(design: SensorDesign) -> Iterator[Element]:
@@ -298,10 +318,18 @@ def _inside(sheet: Sheet, workspace: Outline, design: SensorDesign) -> Iterator[
             yield _turned(sheet.at(*wall.point(wall.length_mm / 2, -steps * step)), name, turn)
     yield from _dimensions(sheet)
     yield from _axes(sheet)
+    if not out.is_frame:  # the middle of a frame's cavity is full of parts
+        yield svg.text(
+            sheet.at(*out.plan.centre_mm), _layers(design), PIN_PX, anchor="middle", fill=QUIET_COLOUR
+        )
+
+
+def _layers(design: SensorDesign) -> str:
+    """Thicknesses of the layers in words."""
     layers = f"clear {number(design.cavity.clear_thickness_mm)} mm"
     if design.cavity.black_thickness_mm > 0:
         layers += f" on black {number(design.cavity.black_thickness_mm)} mm"
-    yield svg.text(sheet.at(*out.plan.centre_mm), layers, PIN_PX, anchor="middle", fill=QUIET_COLOUR)
+    return layers
 
 
 def _turned(at: Point, content: str, degrees: int) -> Element:
@@ -359,7 +387,42 @@ def _axes(sheet: Sheet) -> Iterator[Element]:
     yield svg.circle((x, y), ORIGIN_PX, fill=LINE_COLOUR)
 
 
-def _part(sheet: Sheet, one: Connection, socket: Socket) -> Element:
+def _part(sheet: Sheet, one: Connection, socket: Socket | None) -> Element:
+    return _on_floor(sheet, one) if socket is None else _in_socket(sheet, one, socket)
+
+
+def _on_floor(sheet: Sheet, one: Connection) -> Element:
+    """A part on the floor: its body, and its symbol at the middle of its active area."""
+    colour = EMITTER_COLOUR if one.part.kind == "emitter" else RECEIVER_COLOUR
+    shapes = svg.group(_told(one))
+    body = [sheet.at(*corner) for corner in one.part.footprint_mm.tolist()]
+    shapes.append(svg.outline(body, fill=POCKET_COLOUR, stroke=colour, stroke_width="1.5"))
+    centre, (x, y, _) = sheet.at(*one.part.position_mm[:2]), one.normal
+    way = (x, -y) if one.part.tilt_deg else (0.0, -1.0)
+    if one.part.kind == "emitter":
+        shapes.append(svg.triangle(centre, way, SYMBOL_PX * 0.8, fill=colour))
+    else:
+        shapes.append(svg.circle(centre, SYMBOL_PX * 0.7, fill="none", stroke=colour, stroke_width="3"))
+    return shapes
+
+
+def _own_label(sheet: Sheet, one: Connection) -> Iterator[Element]:
+    """Name and pin of a part on the floor above its symbol, and its position below."""
+    colour = EMITTER_COLOUR if one.part.kind == "emitter" else RECEIVER_COLOUR
+    x, y = sheet.at(*one.part.position_mm[:2])
+    above, below = y - SYMBOL_PX - LABEL_START_PX, y + SYMBOL_PX * 0.8
+    lines = [
+        ((x, above - LINE_PX), one.part.name, NAME_PX, {"fill": colour, "font_weight": "bold"}),
+        ((x, above), one.pin, PIN_PX, {"fill": colour}),
+    ]
+    for k, line in enumerate(one.part.place_lines, start=1):
+        lines.append(((x, below + k * LINE_PX * 0.9), line, NOTE_PX, {"fill": QUIET_COLOUR}))
+    for at, content, size, style in lines:  # a white border keeps the text legible on the lines of bodies
+        border = {"stroke": POCKET_COLOUR, "stroke_width": "4", "paint_order": "stroke"}
+        yield svg.text(at, content, size, anchor="middle", **border, **style)
+
+
+def _in_socket(sheet: Sheet, one: Connection, socket: Socket) -> Element:
     part, frame, half = one.part, socket.frame, one.part.part.body_width_mm.value / 2
     is_emitter = part.kind == "emitter"
     colour = EMITTER_COLOUR if is_emitter else RECEIVER_COLOUR
@@ -388,10 +451,7 @@ def _part(sheet: Sheet, one: Connection, socket: Socket) -> Element:
 
 
 def _told(one: Connection) -> str:
-    part = one.part
-    if part.wall in WALLS:
-        return f"{part.kind} {part.name}: {one.pin}, {part.wall} wall, {_place(part)} mm"
-    return f"{part.kind} {part.name}: {one.pin}, {_place(part)}"
+    return f"{one.part.kind} {one.part.name}: {one.pin}, {one.part.place_words}"
 
 
 def _labels(
@@ -423,7 +483,8 @@ def _label(sheet: Sheet, one: Connection, anchor: Point, place: float) -> Iterat
         "west": ((x0 - LEADER_PX, place), (x0, place)),
     }[_side(one)]
     yield svg.polyline([anchor, knee, end], stroke=QUIET_COLOUR)
-    lines = ((one.part.name, NAME_PX, "bold"), (one.pin, PIN_PX, "normal"), (_place(one.part), NOTE_PX, ""))
+    (place_line,) = one.part.place_lines
+    lines = ((one.part.name, NAME_PX, "bold"), (one.pin, PIN_PX, "normal"), (place_line, NOTE_PX, ""))
     for (content, size, weight), (at, side) in zip(lines, _line_places(sheet, one, end), strict=True):
         fill = QUIET_COLOUR if weight == "" else colour
         yield svg.text(at, content, size, anchor=side, fill=fill, font_weight=weight or "normal")

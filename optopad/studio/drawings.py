@@ -323,7 +323,7 @@ def _shade(good: float) -> str:
 
 def _part(part: PlacedPart, x: Place, y: Place, *, is_bad: bool) -> str:
     at_x, at_y, _ = part.position_mm
-    right, up = part.line.outward
+    right, up = part.label_way
     cx, cy = x(at_x), y(at_y)
     colour = DEAD if is_bad else EMITTER if part.kind == "emitter" else RECEIVER
     return (

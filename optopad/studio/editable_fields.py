@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
@@ -13,10 +14,13 @@ from optopad.design.spec import SensorDesign
 from optopad.design.spec.layout import (
     OPPOSITE,
     AlternatingRing,
+    Checkerboard,
     DiscRing,
     FacingRows,
+    Grid,
     PerSide,
     Ring,
+    RingInside,
     expand,
 )
 from optopad.design.spec.pad import WALLS
@@ -25,18 +29,23 @@ from optopad.screen.verdict_sentences import unit_of
 
 Kind = Literal["number", "whole", "choice"]
 BY_HAND = "by hand"
+RING_INSET = 0.15
+"""Distance of a new ring from the outline, as a share of the pad's shorter side [-]."""
 MOST_ON_A_WALL, MOST_IN_A_RING = 32, 64
 SIZES = ("cavity.length_mm", "cavity.width_mm", "cavity.diameter_mm")
 ANGLES_DEG = (-360.0, 360.0)
 PATTERNS = ("alternating ring", "facing rows", "by side")
 ROUND_PATTERNS = ("disc ring",)
-"""Patterns of a whole layout: `PATTERNS` for straight walls, `ROUND_PATTERNS` for round walls. A layout that follows
-none of them is "by hand"."""
+FLOOR_PATTERNS = ("checkerboard", "ring inside")
+"""Patterns of a whole layout: `PATTERNS` for straight walls, `ROUND_PATTERNS` for round walls, and `FLOOR_PATTERNS` for
+a pad whose parts are on the floor. A layout that follows none of them is a grid or "by hand"."""
 ALONE: dict[type, str] = {
     DiscRing: "disc ring",
     Ring: "ring",
     AlternatingRing: "alternating ring",
     FacingRows: "facing rows",
+    Checkerboard: "checkerboard",
+    RingInside: "ring inside",
 }
 """Patterns that describe a whole layout by one entry."""
 
@@ -132,6 +141,8 @@ def relaid(design: SensorDesign, pattern: str) -> list[dict[str, Any]]:
     emitters, walls = _count(design, "emitter"), _walls(design)
     if pattern == "disc ring":
         return [_disc_ring(design)]
+    if pattern in FLOOR_PATTERNS:
+        return [_on_floor(design, pattern)]
     if pattern == "ring":
         return [
             {"pattern": "ring", "emitters": max(emitters, 1), "receivers": max(_count(design, "receiver"), 1)}
@@ -158,6 +169,8 @@ def pattern_of(design: SensorDesign) -> str:
     kinds: set[type] = {type(one) for one in design.layout}
     if kinds == {PerSide}:
         return "by side"
+    if kinds == {Grid}:
+        return "grid"
     return ALONE.get(type(design.layout[0]), BY_HAND) if len(design.layout) == 1 else BY_HAND
 
 
@@ -170,6 +183,23 @@ def _disc_ring(design: SensorDesign) -> dict[str, Any]:
     places = expand(design.layout, design.cavity)
     first = next((one.angle_deg for one in places if one.kind == "emitter"), None) or 0.0
     return {"pattern": "disc_ring", "count": min(count, MOST_ON_A_WALL), "first_angle_deg": first}
+
+
+def _on_floor(design: SensorDesign, pattern: str) -> dict[str, Any]:
+    """A checkerboard that fills the pad, or a ring inside its outline, with about as many components."""
+    outline = plan_of(design).outline.bare
+    if pattern == "ring inside":
+        counts = {"emitters": _count(design, "emitter"), "receivers": _count(design, "receiver")}
+        return {
+            "pattern": "ring_inside",
+            **counts,
+            "inset_mm": round(RING_INSET * min(outline.box_mm[2:]), 2),
+        }
+    length, width = outline.room_mm(outline.box_mm[3])
+    rows = max(round(math.sqrt(_count(design) * width / length)), 1)
+    columns = max(round(_count(design) / rows), 1)
+    pitch = round(min(length / columns, width / rows), 2)
+    return {"pattern": "checkerboard", "columns": columns, "rows": rows, "pitch_mm": max(pitch, 0.5)}
 
 
 def _walls(design: SensorDesign) -> dict[str, float]:
@@ -235,6 +265,8 @@ def _choices(design: SensorDesign) -> Iterator[EditableField]:
     tells = "Positions of the parts. By hand: each part on its own; dragging one part selects it."
     bare = plan_of(design).outline
     patterns = ("ring", *(PATTERNS if bare.lines else ()), *(ROUND_PATTERNS if bare.arcs else ()), BY_HAND)
+    if design.is_on_board:
+        patterns = (*FLOOR_PATTERNS, BY_HAND)
     yield choice("Layout", "layout", "pattern", pattern_of(design), patterns, tells)
 
 
@@ -276,6 +308,23 @@ def _layout(design: SensorDesign) -> Iterator[EditableField]:
                     )
                 tells = "Moves the whole row along its wall."
                 yield _along(at, "shift_mm", f"{pattern.kind}s' shift", pattern.shift_mm, tells)
+            case Grid() | Checkerboard():
+                for name in ("columns", "rows"):
+                    tells = (
+                        f"Number of {'packages' if 'coupler' in getattr(pattern, 'kind', '') else 'parts'}."
+                    )
+                    yield _whole(at, name, name, getattr(pattern, name), MOST_ON_A_WALL, tells)
+                yield _pitch(at, pattern.pitch_mm, pattern.pitch_mm)
+                if isinstance(pattern, Grid):
+                    tells = "Turns every part about its axis; couplers: from emitter to receiver."
+                    yield _number(
+                        f"{at}.turn_deg", "turned by", "°", pattern.turn_deg, ANGLES_DEG, 15.0, tells
+                    )
+            case RingInside():
+                for kind in ("emitters", "receivers"):
+                    yield _whole(at, kind, kind, getattr(pattern, kind), MOST_IN_A_RING, "Spread evenly.")
+                tells = "Distance of the ring from the pad's outline."
+                yield _number(f"{at}.inset_mm", "inset", "mm", pattern.inset_mm, (0.1, 100.0), 0.25, tells)
             case _:
                 pass
 

@@ -6,6 +6,9 @@ applies to all emitters or all receivers, unless the component has its own heigh
 
 In a round wall, the direction from the centre changes. Either the ring is replaced by a list of angles, or the whole
 ring rotates. Components given by angles share the height of their layout entry.
+
+On the floor, a component moves along x and y. A grid moves as a whole if it holds couplers, whose two halves belong
+together, or if the row is to move.
 """
 
 from __future__ import annotations
@@ -18,9 +21,12 @@ from optopad.design.errors import InputError
 from optopad.design.shape.cavity import PlacedPart, cavity_of
 from optopad.design.spec import SensorDesign
 from optopad.design.spec.layout import (
+    FLOOR,
+    AlternatingRing,
     AtAngles,
     DiscRing,
     FacingRows,
+    Grid,
     PerSide,
     Placement,
     Ring,
@@ -33,6 +39,8 @@ STEP_MM = 0.05
 STEP_DEG = 0.1
 """Step to which dragged directions are rounded [degrees]; it is 0.05 mm on a disc of 57 mm diameter."""
 LEAST_MM = 0.01
+AXES = ("x_mm", "y_mm")
+"""Fields of a component's position on the floor."""
 
 
 def part_named(design: SensorDesign, name: str) -> PlacedPart:
@@ -56,15 +64,18 @@ def moved(
     along_mm: float | None = None,
     angle_deg: float | None = None,
     height_mm: float | None = None,
+    x_mm: float | None = None,
+    y_mm: float | None = None,
     with_row: bool = False,
 ) -> dict[str, Any]:
-    """Changes of a design, by dotted path, that move a component to a position on its wall.
+    """Changes of a design, by dotted path, that move a component to a position on its wall or on the floor.
 
     Parameters
     ----------
     along_mm : position along a straight wall, from its low end [mm]; None for unchanged
     angle_deg : direction from the centre of a round wall [degrees]; None for unchanged
     height_mm : height above the clear layer's bottom [mm]; None for unchanged
+    x_mm, y_mm : position on the floor [mm]; None for unchanged
     with_row : whether to move the whole row or ring of the pattern
 
     Returns
@@ -77,6 +88,9 @@ def moved(
     DesignError : the layout does not allow the position.
     """
     part = part_named(design, name)
+    _require_place(part, along_mm=along_mm, angle_deg=angle_deg, x_mm=x_mm, y_mm=y_mm)
+    if part.is_on_floor:
+        return _shifted(design, part, x_mm, y_mm, with_row=with_row)
     if part.angle_deg is not None and along_mm is not None:
         raise InputError(f"{name}: along_mm: a round wall has no position along it; give angle_deg")
     if part.angle_deg is None and angle_deg is not None:
@@ -94,6 +108,53 @@ def moved(
     return changes
 
 
+def _require_place(part: PlacedPart, **where: float | None) -> None:
+    """Refuse a position on a wall for a component on the floor, and the reverse."""
+    wrong = ("along_mm", "angle_deg") if part.is_on_floor else ("x_mm", "y_mm")
+    for field in wrong:
+        if where[field] is not None:
+            place, give = ("on the floor", "x_mm and y_mm") if part.is_on_floor else ("in a wall", "along_mm")
+            raise InputError(f"{part.name}: {field}: the part is {place}; give {give}")
+
+
+def _shifted(
+    design: SensorDesign, part: PlacedPart, x_mm: float | None, y_mm: float | None, *, with_row: bool
+) -> dict[str, Any]:
+    """Changes that move a component on the floor, or the grid that holds it."""
+    at = part.position_mm[:2]
+    wanted = [
+        _place(to, was, f"{part.name}: {name}") for to, was, name in zip((x_mm, y_mm), at, AXES, strict=True)
+    ]
+    if wanted == [None, None]:
+        return {}
+    number = int(part.origin.split(".")[1])
+    pattern, new = (
+        design.layout[number],
+        [was if to is None else to for to, was in zip(wanted, at, strict=True)],
+    )
+    if isinstance(pattern, Grid) and (with_row or pattern.kind == "coupler"):
+        return {
+            f"{part.origin}.{field}": _plain(getattr(pattern, field) + to - was)
+            for field, to, was in zip(("shift_x_mm", "shift_y_mm"), new, at, strict=True)
+            if to != was
+        }
+    if isinstance(pattern, Single):
+        return {
+            f"{part.origin}.{field}": to for field, to in zip(AXES, wanted, strict=True) if to is not None
+        }
+    layout = placed_singles(design, [number])
+    nearest = min(
+        (
+            one
+            for one in layout[number:]
+            if one["pattern"] == "single" and one["wall"] == FLOOR and one["kind"] == part.kind
+        ),
+        key=lambda one: math.dist((one["x_mm"], one["y_mm"]), at),
+    )
+    nearest |= {"x_mm": _plain(new[0]), "y_mm": _plain(new[1])}
+    return {"layout": layout}
+
+
 def placed_singles(design: SensorDesign, numbers: Iterable[int]) -> list[dict[str, Any]]:
     """The layout, with the patterns of these indices replaced by single components at the same positions."""
     apart = set(numbers)
@@ -103,7 +164,8 @@ def placed_singles(design: SensorDesign, numbers: Iterable[int]) -> list[dict[st
         apart |= in_turn
     found: list[dict[str, Any]] = []
     for number, pattern in enumerate(design.model_dump(mode="json")["layout"]):
-        if number not in apart or pattern["pattern"] in ("single", "at_angles"):
+        is_whole = pattern["pattern"] in ("single", "at_angles") or pattern.get("kind") == "coupler"
+        if number not in apart or is_whole:
             found.append(pattern)
             continue
         found += _singles_of([one for one in places if one.origin == f"layout.{number}"])
@@ -121,7 +183,8 @@ def _takes_turns(design: SensorDesign, number: int) -> bool:
 def _singles_of(places: Iterable[Placement]) -> list[dict[str, Any]]:
     """Layout entries for the components of one pattern.
 
-    Each component in a straight wall has its own entry; consecutive components in round walls share one entry per kind.
+    Each component in a straight wall or on the floor has its own entry; consecutive components in round walls share one
+    entry per kind.
     """
     found: list[dict[str, Any]] = []
     angles: dict[str, list[float]] = {}
@@ -129,12 +192,12 @@ def _singles_of(places: Iterable[Placement]) -> list[dict[str, Any]]:
         if place.angle_deg is None:
             angles.pop(place.kind, None)
             own = {"part": place.part, "height_mm": place.height_mm}
-            entry = {
-                "pattern": "single",
-                "kind": place.kind,
-                "wall": place.wall,
-                "along_mm": _plain(place.along_mm),
-            }
+            entry: dict[str, Any] = {"pattern": "single", "kind": place.kind, "wall": place.wall}
+            if place.at_mm is None:
+                entry["along_mm"] = _plain(place.along_mm)
+            else:
+                entry |= {"x_mm": _plain(place.at_mm[0]), "y_mm": _plain(place.at_mm[1])}
+                own |= {"tilt_deg": place.tilt_deg or None, "turn_deg": place.turn_deg or None}
             found.append(entry | {key: value for key, value in own.items() if value is not None})
         elif place.kind in angles:
             angles[place.kind].append(_plain(place.angle_deg))
@@ -228,7 +291,7 @@ def _row_moved(design: SensorDesign, part: PlacedPart, along_mm: float) -> dict[
     from_middle = part.along_mm - middle
     if abs(from_middle) < LEAST_MM:
         return {}
-    assert not isinstance(pattern, Single | DiscRing | AtAngles | Ring)
+    assert isinstance(pattern, AlternatingRing | FacingRows)
     if pattern.pitch_mm is not None:
         pitch = pattern.pitch_mm
     else:

@@ -170,13 +170,21 @@ class Session:
         along_mm: float | None = None,
         angle_deg: float | None = None,
         height_mm: float | None = None,
+        x_mm: float | None = None,
+        y_mm: float | None = None,
         with_row: bool = False,
     ) -> bool:
-        """Move a component to a position on its wall, or to a direction on a disc.
+        """Move a component to a position on its wall or on the floor, or to a direction on a disc.
 
         Returns False if the move was rejected; a message then says why.
         """
-        where = {"along_mm": along_mm, "angle_deg": angle_deg, "height_mm": height_mm}
+        where = {
+            "along_mm": along_mm,
+            "angle_deg": angle_deg,
+            "height_mm": height_mm,
+            "x_mm": x_mm,
+            "y_mm": y_mm,
+        }
         return self._edit(
             lambda: moved(self.design, name, **where, with_row=with_row),
             merge=f"move {name}",
@@ -448,6 +456,8 @@ def _words(design: SensorDesign, wanted: dict[str, Any]) -> str:
 
 def _place_words(design: SensorDesign, name: str) -> str:
     part = part_named(design, name)
+    if part.is_on_floor:
+        return f"{name}: {part.place_words}"
     if part.angle_deg is not None:
         return f"{name}: at {part.angle_deg:g}°, {part.height_mm:g} mm high"
     return f"{name}: {part.along_mm:g} mm along the {part.wall} wall, {part.height_mm:g} mm high"

@@ -54,5 +54,10 @@ def build(
     lines.append(checks_line(checks))
     if is_cast_under_lid(plan_of(design)):
         weights = (f"{pour.net_g:.2f} g of {pour.layer} silicone" for pour in pours(design))
-        lines.append("cast      upside down on the lid, by weight: " + ", then ".join(weights))
+        way = (
+            "black on the board, clear upside down on the lid"
+            if design.is_on_board
+            else "upside down on the lid"
+        )
+        lines.append(f"cast      {way}, by weight: " + ", then ".join(weights))
     return Told({"bundle": str(folder), "checks": checks}, [*lines, f"files     {folder / 'cad'}"])

@@ -48,7 +48,7 @@ def clip_to_pad(artist: Any, ax: Any, cavity: CavityGeometry) -> None:
 
 
 def draw_part(ax: Axes, part: PlacedPart, colour: str, *, size: float, is_named: bool) -> None:
-    """Draw a component from above: an emitter as a dot, a receiver as an open square, with its name outside the pad.
+    """Draw a component from above: an emitter as a dot, a receiver as an open square, with its name next to it.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def draw_part(ax: Axes, part: PlacedPart, colour: str, *, size: float, is_named:
         x, y, marker="o" if is_emitter else "s", markerfacecolor=colour if is_emitter else "white", **look
     )
     if is_named:
-        right, up = part.line.outward
+        right, up = part.label_way
         ax.annotate(
             part.name,
             (x, y),

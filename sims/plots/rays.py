@@ -12,7 +12,7 @@ The drawn paths are samples (`optopad.sims.rays`). The powers in the legend come
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -34,7 +34,7 @@ from optopad.sims.plots.contact import (
     seen_tip_mm,
 )
 from optopad.sims.plots.maps import draw_part, outline_patch
-from optopad.sims.plots.style import GREY, INK, MUTED, PALE_BLUE, axes_or_new
+from optopad.sims.plots.style import BLUE, GREY, INK, MUTED, PALE_BLUE, axes_or_new
 from optopad.sims.press import Indentation
 from optopad.sims.rays import KINDS, LOST, LightKind, RayState, kind_of
 
@@ -107,8 +107,10 @@ def cut_of_pair(cavity: CavityGeometry, pair: tuple[int, int]) -> Cut:
 
 
 def cut_across(cavity: CavityGeometry, part: PlacedPart) -> Cut:
-    """The cross-section from a component straight across to the opposite wall."""
+    """The cross-section from a component straight across to the opposite wall; on the floor, through the component."""
     x, y, _ = part.position_mm
+    if part.is_on_floor:
+        return replace(cut_through(cavity, x, y), name=f"through {part.name}")
     right, up = part.line.outward
     far = cavity.plan.outline.way_out_mm((x, y), (-right, -up))
     end = (x - far * right, y - far * up)
@@ -382,6 +384,9 @@ def draw_cut_faces(ax: Axes, cavity: CavityGeometry, cut: Cut, names: Collection
     for part in cavity.parts:
         if part.name not in names:
             continue
+        if part.is_on_floor:
+            _draw_standing(ax, part, cut, is_named=len(names) <= MOST_LABELS_IN_SECTION)
+            continue
         x, y, height = part.position_mm
         along = float(cut.along_mm(np.array([x, y])))
         is_cut = min(np.hypot(x - end[0], y - end[1]) for end in (cut.start_mm, cut.end_mm)) < ON_AXIS_MM
@@ -399,6 +404,45 @@ def draw_cut_faces(ax: Axes, cavity: CavityGeometry, cut: Cut, names: Collection
         ax.add_patch(face)
         if is_cut or len(names) <= MOST_LABELS_IN_SECTION:
             _name_face(ax, part.name, along, half, height, cut)
+
+
+def _draw_standing(ax: Axes, part: PlacedPart, cut: Cut, *, is_named: bool) -> None:
+    """Draw a component on the floor: what its body shows above the floor, and its active face."""
+    is_cut = cut.beside_mm(part.position_mm[:2]) < ON_AXIS_MM
+    body, face = part.body_mm, part.face_mm
+    along, high = cut.along_mm(body), np.maximum(body[:, 2], 0.0)
+    colour = INK if part.kind == "emitter" else BLUE
+    low, tall = float(along.min()), float(high.max())
+    ax.add_patch(
+        Rectangle(
+            (low, 0.0),
+            float(np.ptp(along)),
+            tall,
+            facecolor="white",
+            edgecolor=GREY,
+            linewidth=0.6,
+            zorder=1.5,
+        )
+    )
+    ax.plot(
+        cut.along_mm(face)[[0, 2]],
+        face[[0, 2], 2],
+        color=colour,
+        linewidth=2.2 if is_cut else 1.2,
+        solid_capstyle="butt",
+        zorder=3,
+    )
+    if is_named:
+        ax.annotate(
+            part.name,
+            (low + float(np.ptp(along)) / 2, 0.0),
+            xytext=(0, -3),
+            textcoords="offset points",
+            ha="center",
+            va="top",
+            fontsize=7,
+            color="white" if part.body_base_mm < 0.0 else INK,
+        )
 
 
 def _name_face(ax: Axes, name: str, along: float, half: float, height: float, cut: Cut) -> None:

@@ -165,13 +165,14 @@ function drawWalls(front) {
     uprights(run, 0, null);
     pen.globalAlpha = 1;
   }
-  for (const part of data.parts) if (facing(part.outward) === front) drawPart(part, front);
+  for (const part of data.parts) if ((part.outward !== null && facing(part.outward)) === front) drawPart(part, front);
 }
 
-function drawPart({name, kind, at, half, along}, front) {
-  const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([u, v]) => seen(at[0] + u * half[0] * along[0], at[1] + u * half[0] * along[1], at[2] + v * half[1]));
+function drawPart({name, kind, face, body}, front) {
+  const corners = face.map((place) => seen(...place));
   const active = pair === 0 ? data.pairs.some((text) => text.split("-").includes(name)) : data.pairs[pair - 1].split("-").includes(name);
   pen.globalAlpha = (front ? 0.55 : 0.9) * (active ? 1 : 0.45);
+  if (body) polygon(hull(body.map((place) => seen(...place))), look.muted, look.ink, 0.75);
   polygon(corners, kind === "emitter" ? look.ink : look.sheet, look.ink, 1);
   pen.globalAlpha = 1;
 }
@@ -183,7 +184,7 @@ function drawNames() {
   pen.textAlign = "center";
   pen.textBaseline = "middle";
   pen.lineJoin = "round";
-  for (const {name, at: [x, y, z], outward: [ox, oy]} of data.parts) {
+  for (const {name, at: [x, y, z], label: [ox, oy]} of data.parts) {
     if ((busy || size[0] < 600) && !active.has(name)) continue;
     const reach = 0.045 * Math.max(LENGTH, WIDTH);
     const [left, up] = seen(x + ox * reach, y + oy * reach, z);

@@ -1,6 +1,6 @@
 """The layout with its dimensions: the mold from above and in cross-section, at one scale.
 
-The cross-section shows one emitter and one receiver at each of their heights, rotated into its plane. The plane is
+The cross-section shows one emitter and one receiver at their heights, moved into its plane. The plane is
 along x; under a crown that is straight along x, it is along y.
 """
 
@@ -20,7 +20,6 @@ from optopad.design.mold.sockets import Socket
 from optopad.design.shape.cavity import CavityGeometry, PlacedPart, cavity_of
 from optopad.design.shape.outline import X
 from optopad.design.spec import SensorDesign
-from optopad.report.scenes.mold_scene import body_corners_mm
 from optopad.sims.contact.tip import tip_points_mm
 from optopad.sims.plots.maps import outline_patch, workspace_patch
 from optopad.sims.plots.rays import BLACK
@@ -35,6 +34,10 @@ DIAMETER = "\N{LATIN CAPITAL LETTER O WITH STROKE}"
 DIMENSION_GAPS = (0.48, 0.80), (0.55, 0.84)
 """Distances of the dimension lines from the mold, as shares of the free space: (cavity, outside) along x, then y."""
 CROWN_POINTS = 81
+BOARD, BOARD_MM = "#3f7d55", 1.6
+"""Colour and usual thickness of a circuit board."""
+STANDS_SHARE = 0.24
+"""Distance of a part on the floor from the middle of the cross-section, as a share of its length."""
 ROUND_GAP = 2.8
 """Factor by which a part's name is farther from the part on a round wall, where it is centred, than on a straight one.
 """
@@ -50,9 +53,10 @@ def plot_layout(design: SensorDesign) -> Axes:
     room = 0.21 * max(outline.outer_length_mm, outline.outer_width_mm)
     across = outline.outer_length_mm + 2 * room
     over_rim = max(cavity.clear_mm - outline.top_mm, 0.0)
+    board = BOARD_MM if outline.is_frame else 0.0
     heights = (
         outline.outer_width_mm + 1.67 * room,
-        outline.height_mm + over_rim + design.indenter.tip_radius_mm + 1.1 * room,
+        outline.height_mm + board + over_rim + design.indenter.tip_radius_mm + 1.1 * room,
     )
     figure = Figure(figsize=(WIDTH_IN, WIDTH_IN * sum(heights) / across))
     total = sum(heights)
@@ -64,7 +68,7 @@ def plot_layout(design: SensorDesign) -> Axes:
         ax.set_xlim(-outline.wall_x_mm - room, cavity.length_mm + outline.wall_x_mm + room)
     plan.set_ylim(-outline.wall_y_mm - 0.95 * room, cavity.width_mm + outline.wall_y_mm + 0.72 * room)
     ceiling = outline.top_mm + over_rim + design.indenter.tip_radius_mm + 0.6 * room
-    cut.set_ylim(outline.bottom_mm - 0.5 * room, ceiling)
+    cut.set_ylim(outline.bottom_mm - board - 0.5 * room, ceiling)
     section = _section_of(cavity, outline)
     if section.is_across:
         shift = (cavity.length_mm - cavity.width_mm) / 2
@@ -91,13 +95,17 @@ def _draw_plan(
     middle = (space.x0_mm + space.x1_mm) / 2, (space.y0_mm + space.y1_mm) / 2
     radius = design.indenter.tip_radius_mm
     ax.add_patch(Circle(middle, radius, fill=False, edgecolor=INK, linewidth=0.8))
-    below = middle[0], middle[1] - 1.15 * radius
-    ax.text(*below, f"tip R{radius:g}", ha="center", va="top", fontsize=SMALL, color=INK)
-    for socket in outline.sockets:
-        _draw_part(ax, socket.part)
+    tip, title = f"tip R{radius:g}", "from above"
+    if cavity.on_floor:  # parts fill the middle of the pad
+        title += f"; circle: {tip}"
+    else:
+        ax.text(middle[0], middle[1] - 1.15 * radius, tip, ha="center", va="top", fontsize=SMALL, color=INK)
+    for part in cavity.parts:
+        _draw_part(ax, part)
         if len(cavity.parts) <= MOST_NUMBERS:
-            _write_name(ax, socket.part, cavity)
-            _write_place(ax, socket, cavity)
+            _write_name(ax, part, cavity)
+    for socket in outline.sockets if len(cavity.parts) <= MOST_NUMBERS else ():
+        _write_place(ax, socket, cavity)
     inner, outer = cavity.plan.outline.bare, outline.outer
     for inside, outside, gaps in zip(inner.dimensions, outer.dimensions, DIMENSION_GAPS, strict=False):
         for words, of, one, gap in zip(
@@ -109,7 +117,7 @@ def _draw_plan(
                 _across(ax, of.x0_mm, of.x1_mm, low - gap * room, told, from_mm=y)
             else:
                 _upright(ax, of.y0_mm, of.y1_mm, left - gap * room, told, from_mm=x)
-    ax.text((left + right) / 2, high + 0.5 * room, "from above", **_title())
+    ax.text((left + right) / 2, high + 0.5 * room, title, **_title())
 
 
 def _draw_part(ax: Axes, part: PlacedPart) -> None:
@@ -124,6 +132,9 @@ def _write_name(ax: Axes, part: PlacedPart, cavity: CavityGeometry) -> None:
     x, y, _ = part.position_mm
     right, up = part.line.outward
     gap = 0.02 * max(cavity.length_mm, cavity.width_mm)
+    if part.is_on_floor:
+        ax.text(x, y + gap, part.name, ha="center", va="bottom", fontsize=SMALL, color=INK)
+        return
     aside, level = "center", "center"
     if part.angle_deg is not None:
         gap *= ROUND_GAP
@@ -135,7 +146,7 @@ def _write_name(ax: Axes, part: PlacedPart, cavity: CavityGeometry) -> None:
 
 
 def _body(part: PlacedPart, **look: Any) -> Patch:
-    return Polygon(body_corners_mm(part)[:4, :2], **look)
+    return Polygon(part.footprint_mm, **look)
 
 
 def _write_place(ax: Axes, socket: Socket, cavity: CavityGeometry) -> None:
@@ -189,8 +200,10 @@ def _section_of(cavity: CavityGeometry, outline: MoldOutline) -> _Section:
     plan = cavity.plan
     is_across = plan.top.straight == "x"
     length = cavity.width_mm if is_across else cavity.length_mm
-    faces = (row[0].position_mm[:2] for row in (cavity.emitters, cavity.receivers))
-    start, inset = (float(plan.outline.bare.gap_mm(*face)) + 0.0 for face in faces)
+    start, inset = (
+        0.0 if row[0].is_on_floor else float(plan.outline.bare.gap_mm(*row[0].position_mm[:2])) + 0.0
+        for row in (cavity.emitters, cavity.receivers)
+    )
     return _Section(
         cavity=cavity,
         outline=outline,
@@ -231,14 +244,22 @@ def _draw_section(ax: Axes, design: SensorDesign, section: _Section, room: float
         else Polygon([(start, 0.0), *top, (end, 0.0)], **look)
     )
     _draw_tip(ax, design, cavity, section.length_mm / 2)
+    below = BOARD_MM if outline.is_frame else 0.0
+    if outline.is_frame:
+        board = (left, low - BOARD_MM), right - left, BOARD_MM
+        ax.add_patch(Rectangle(*board, facecolor=BOARD, edgecolor=INK, linewidth=0.7))
     for part, side in ((cavity.emitters[0], -1), (cavity.receivers[0], 1)):
-        _draw_body(ax, part, start if side < 0 else end, side)
-    _heights(ax, cavity.emitters[0], 0.10 * section.length_mm, VERMILLION)
-    _heights(ax, cavity.receivers[0], 0.62 * section.length_mm, BLUE)
+        at_share = 0.5 + side * STANDS_SHARE
+        if part.is_on_floor:
+            _draw_standing(ax, part, at_share * section.length_mm)
+        else:
+            _draw_body(ax, part, start if side < 0 else end, side)
+            _heights(ax, part, (0.10 if side < 0 else 0.62) * section.length_mm)
     first, second = right + 0.30 * room, right + 0.72 * room
     apex = end if cavity.plan.top.is_flat else section.length_mm / 2
     _upright(ax, 0.0, cavity.clear_mm, first, f"clear {cavity.clear_mm:g}", from_mm=apex)
-    _upright(ax, low, high, second, f"mold {outline.height_mm:.4g}", from_mm=right)
+    mold = "frame" if outline.is_frame else "mold"
+    _upright(ax, low, high, second, f"{mold} {outline.height_mm:.4g}", from_mm=right)
     fill, beside = outline.fill_mm, left - 0.30 * room
     if not cavity.plan.top.is_flat:
         edge_low, edge_high = (f"{edge:.3g}" for edge in cavity.plan.rim_mm)
@@ -247,12 +268,14 @@ def _draw_section(ax: Axes, design: SensorDesign, section: _Section, room: float
     if cavity.plan.top.is_flat or high > fill:
         _upright(ax, fill, high, beside, f"rim {high - fill:.3g}", from_mm=left)
     if cavity.black_mm > 0:
-        below = section.length_mm / 2, -cavity.black_mm - 0.05 * room
-        ax.text(*below, f"black {cavity.black_mm:g}", ha="center", va="top", fontsize=SMALL, color=INK)
+        place = section.length_mm / 2, -cavity.black_mm - below - 0.05 * room
+        words = f"black {cavity.black_mm:g}{', on the circuit board' if outline.is_frame else ''}"
+        ax.text(*place, words, ha="center", va="top", fontsize=SMALL, color=INK)
     ax.text(
         (left + right) / 2,
-        low - 0.35 * room,
-        f"cut open{' across' if section.is_across else ''}, one part of each kind rotated into the cut",
+        low - 0.35 * room - below,
+        f"cut open{' across' if section.is_across else ''}, one part of each kind "
+        + ("moved into the cut" if outline.is_frame else "rotated into the cut"),
         **_title(),
     )
 
@@ -276,7 +299,30 @@ def _draw_body(ax: Axes, part: PlacedPart, wall_x: float, side: int) -> None:
     ax.plot((wall_x, wall_x), (low, high), color=colour, linewidth=3.0, solid_capstyle="butt")
 
 
-def _heights(ax: Axes, part: PlacedPart, at_mm: float, colour: str) -> None:
+def _draw_standing(ax: Axes, part: PlacedPart, at_mm: float) -> None:
+    """A part on the floor, cut along the direction in which it looks or is turned, with the height of its face."""
+    colour = VERMILLION if part.kind == "emitter" else BLUE
+    way = -np.array(part.line.outward)
+    body, face = part.body_mm, part.face_mm
+    along = at_mm + (body[:, :2] - part.position_mm[:2]) @ way
+    sides = [0, 3, 7, 4]  # of the same side: behind below, behind above, front above, front below
+    ax.add_patch(
+        Polygon(
+            np.column_stack([along, body[:, 2]])[sides],
+            facecolor="white",
+            edgecolor=colour,
+            linewidth=0.9,
+        )
+    )
+    across = at_mm + (face[[0, 2], :2] - part.position_mm[:2]) @ way
+    ax.plot(across, face[[0, 2], 2], color=colour, linewidth=3.0, solid_capstyle="butt")
+    words = f"{part.kind} {part.height_mm:.4g}"
+    level = float(body[:, 2].max()) + 0.3
+    ax.text(at_mm, level, words, ha="center", va="bottom", fontsize=SMALL, color=colour)
+
+
+def _heights(ax: Axes, part: PlacedPart, at_mm: float) -> None:
+    colour = VERMILLION if part.kind == "emitter" else BLUE
     _arrow(ax, (at_mm, 0.0), (at_mm, part.height_mm), colour)
     words = f" {part.kind} {part.height_mm:.4g}"
     ax.text(at_mm, part.height_mm / 2, words, ha="left", va="center", fontsize=SMALL, color=colour)

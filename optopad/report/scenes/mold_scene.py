@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from optopad.design.arrays import FloatArray
 from optopad.design.mold.outline import MoldOutline, bed_lift_mm, outline_of
-from optopad.design.shape.cavity import TURN_RAD, PlacedPart, cavity_of
+from optopad.design.shape.cavity import TURN_RAD, cavity_of
 from optopad.design.spec import SensorDesign
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def mold_scene(design: SensorDesign, folder: Path) -> dict[str, Any] | None:
     outline = outline_of(design)
     return {
         **_solid(mesh, places),
-        "bodies": [[part.kind, body_corners_mm(part).tolist()] for part in cavity_of(design).parts],
+        "bodies": [[part.kind, part.body_mm.tolist()] for part in cavity_of(design).parts],
         "mouth": {"ring": _mouth_mm(outline), "z": outline.top_mm},
         "lid": _lid(design, folder / LID_STL),
     }
@@ -95,13 +95,3 @@ def _mouth_mm(outline: MoldOutline) -> list[list[float]]:
 
 def _packed(numbers: NDArray[Any], kind: str) -> str:
     return base64.b64encode(np.ascontiguousarray(numbers).astype(kind).tobytes()).decode("ascii")
-
-
-def body_corners_mm(part: PlacedPart) -> FloatArray:
-    """(8, 3) corners of a part's body with its face on the wall [mm]: base, then top, counter-clockwise from above."""
-    half, deep = part.part.body_width_mm.value / 2, part.part.body_depth_mm.value
-    (tx, ty), (nx, ny) = part.line.tangent, part.line.outward
-    first = half if tx * ny - ty * nx < 0.0 else -half
-    corners = ((first, 0.0), (-first, 0.0), (-first, deep), (first, deep))
-    places = [part.line.point(part.along_mm + along, out) for along, out in corners]
-    return np.array([(x, y, z) for z in (part.body_base_mm, part.body_top_mm) for x, y in places])

@@ -33,7 +33,7 @@ def plan_of(cavity: CavityGeometry, tip_mm: float) -> dict[str, Any]:
     Returns
     -------
     length and width of the pad, tip radius, corners of outline and workspace (counter-clockwise) [mm]; of each part
-    the name, kind, x and y [mm], and outward normal of its wall
+    the name, kind, x and y [mm], and direction of its label
     """
     space, plan = cavity.workspace, cavity.plan
     return {
@@ -46,7 +46,7 @@ def plan_of(cavity: CavityGeometry, tip_mm: float) -> dict[str, Any]:
             [
                 part.name,
                 part.kind,
-                *(round(v, 3) for v in (*part.position_mm[:2], *part.line.outward)),
+                *(round(v, 3) for v in (*part.position_mm[:2], *part.label_way)),
             ]
             for part in cavity.parts
         ],

@@ -179,9 +179,12 @@ def scene_json(scene: RayScene) -> dict[str, Any]:
                 "name": part.name,
                 "kind": part.kind,
                 "at": list(part.position_mm),
-                "half": [part.half_width_mm, part.half_height_mm],
-                "along": list(part.line.tangent),
-                "outward": list(part.line.outward),
+                "face": part.face_mm.round(3).tolist(),
+                "body": [[x, y, max(z, 0.0)] for x, y, z in part.body_mm.round(3).tolist()]
+                if part.is_on_floor
+                else None,
+                "outward": None if part.is_on_floor else list(part.line.outward),
+                "label": list(part.label_way),
             }
             for part in cavity.parts
         ],

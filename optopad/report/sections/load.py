@@ -61,7 +61,7 @@ BILL_COLUMNS = (
     "cost_source",
     "note",
 )
-WIRING_COLUMNS = ("reference", "part", "wall", "along_mm", "height_mm", "pin", "polarity")
+WIRING_COLUMNS = ("reference", "part", "wall", "along_mm", "x_mm", "y_mm", "height_mm", "pin", "polarity")
 CASTING, BILL, WIRING = "fabrication/casting.md", "fabrication/bom.csv", "fabrication/wiring.csv"
 
 

@@ -76,6 +76,7 @@ def sensor_section(design: SensorDesign, drawings: dict[str, Drawing]) -> Markup
         cavity=cavity,
         any_by_angle=any(by_angle),
         all_by_angle=all(by_angle),
+        any_along=any(one.angle_deg is None and not one.is_on_floor for one in cavity.parts),
         under_lid=is_cast_under_lid(cavity.plan),
         emitters=Counter((one.part_id, one.height_mm) for one in cavity.emitters),
         receivers=Counter((one.part_id, one.height_mm) for one in cavity.receivers),

@@ -143,7 +143,7 @@ class PadScene:
         face.color = colour
 
     def _new_part(self, part: PlacedPart) -> tuple[str, viser.FrameHandle, viser.BoxHandle, viser.BoxHandle]:
-        """Draw a component in the coordinate system of its face: x points outward, y along its wall."""
+        """Draw a component in the coordinate system of its face: x points to its back, y along its width."""
         at = f"/parts/{part.name}"
         frame = self._scene.add_frame(at, show_axes=False)
         size, middle = body_box(part)
@@ -152,7 +152,8 @@ class PadScene:
             f"{at}/face", dimensions=(FACE_MM, 2 * part.half_width_mm, 2 * part.half_height_mm)
         )
         above = float(middle[2] + size[2] / 2) + 0.8
-        self._scene.add_label(f"{at}/name", part.name, position=(0.0, 0.0, above), anchor="bottom-center")
+        label = (-0.8, 0.0, 0.0) if part.is_on_floor else (0.0, 0.0, above)
+        self._scene.add_label(f"{at}/name", part.name, position=label, anchor="bottom-center")
         for node in (body, face):
             self._drag_part(node, part.name)
         return _key(part), frame, body, face
@@ -170,10 +171,22 @@ class PadScene:
         node.on_drag("left")(dragged)
 
     def _dragged_to(self, event: PartDrag, part: PlacedPart) -> dict[str, float]:
-        """New position of a dragged component: along a straight wall [mm], in a round wall [degrees], or in height."""
+        """New position of a dragged component: in a wall or its height, or on the floor [mm, degrees]."""
+        if part.is_on_floor:
+            return self._drag_on_floor(event, part)
         if part.angle_deg is None:
             return self._drag_straight(event, part)
         return self._drag_round(event, part, part.angle_deg)
+
+    def _drag_on_floor(self, event: PartDrag, part: PlacedPart) -> dict[str, float]:
+        """New position of a component on the floor, x and y [mm]."""
+        here, eye = np.array(part.position_mm), np.array(event.client.camera.position)
+        if event.phase == "start":
+            self._grabs[part.name] = plane_cut(eye, np.array(event.start_position), 2, here[2])
+            self._grabs[f"{part.name} from"] = here
+        at = plane_cut(eye, np.array(event.end_position), 2, here[2])
+        to = self._grabs.get(f"{part.name} from", here) + at - self._grabs.get(part.name, here)
+        return {"x_mm": float(to[0]), "y_mm": float(to[1])}
 
     def _drag_straight(self, event: PartDrag, part: PlacedPart) -> dict[str, float]:
         """New position of a component on its straight wall, along the wall or in height [mm]."""
@@ -432,7 +445,7 @@ class PadScene:
 
 def _key(part: PlacedPart) -> str:
     """Text with those properties of a component, other than its position, that determine how it is drawn."""
-    return f"{part.kind} {part.part_id} {part.half_width_mm} {part.half_height_mm}"
+    return f"{part.kind} {part.part_id} {part.half_width_mm} {part.half_height_mm} {part.is_on_floor}"
 
 
 def _rgb(colour: str) -> Colour:

@@ -131,9 +131,11 @@ TOUCH_STEPS = 41
 
 
 def facing(part: PlacedPart) -> Quaternion:
-    """The rotation about z that brings x to the outward direction of a component's wall, and y along the wall."""
-    half = math.atan2(*part.line.outward[::-1]) / 2.0
-    return math.cos(half), 0.0, 0.0, math.sin(half)
+    """The rotation that brings x to the back of a component's face, y along its width, and z up its height."""
+    back, ((x, y), tilt) = -np.array(part.axis), (part.line.outward, math.radians(part.tilt_deg))
+    up = np.array([math.cos(tilt) * x, math.cos(tilt) * y, math.sin(tilt)])
+    w, i, j, k = SO3.from_matrix(np.column_stack([back, np.cross(up, back), up])).wxyz.tolist()
+    return w, i, j, k
 
 
 def along_normal(normal: tuple[float, float, float]) -> Quaternion:
@@ -144,10 +146,10 @@ def along_normal(normal: tuple[float, float, float]) -> Quaternion:
 
 
 def body_box(part: PlacedPart) -> Box:
-    """Size, and centre relative to the face's centre, of a component's body; axes outward, along the wall, up [mm]."""
+    """Size, and centre relative to the face's centre, of a component's body; axes as of `facing` [mm]."""
     entry = part.part
     size = np.array([entry.body_depth_mm.value, entry.body_width_mm.value, entry.body_height_mm.value])
-    middle = (part.body_base_mm + part.body_top_mm) / 2 - part.height_mm
+    middle = size[2] / 2 - entry.active_height_in_body_mm.value
     return size, np.array([size[0] / 2, 0.0, middle])
 
 
