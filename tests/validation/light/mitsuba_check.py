@@ -24,6 +24,7 @@ from scipy.interpolate import RectBivariateSpline
 import optopad
 from optopad.design.arrays import BoolArray, FloatArray
 from optopad.design.files import write_whole
+from optopad.design.spec import SensorDesign
 from optopad.sims.contact.pad_surface import pad_surface
 from optopad.sims.optics.engine.trace_states import CLASS_NAMES, trace_scene
 from optopad.sims.optics.scene.lower import scene_of
@@ -42,6 +43,8 @@ from tests.bench.measures.surface_mesh import TopMesh, compact_curve, pressed_me
 from tests.oracle.pressed import pressed_tops
 from tests.sims.optics.surface.analytic import compact_dimple
 from tests.validation.contact.contact_table import markdown_table, with_table
+from tests.validation.light.floor_table import PADS as FLOOR_PADS
+from tests.validation.light.floor_table import design_of
 
 if TYPE_CHECKING:
     from tests.validation.light.mitsuba_walk import Counted
@@ -72,7 +75,7 @@ class State:
     Attributes
     ----------
     name : of its files
-    design : preset, or the benchmark's file
+    design : preset, the benchmark's file, or a pad of `tests.validation.light.floor_table`
     press : x, y, depth [mm]; depth 0 is untouched
     is_analytic : the surface is the compact dimple, else the contact model's
     has_epoxy : receivers lie behind epoxy
@@ -90,9 +93,14 @@ class State:
         """Where the press goes in."""
         return self.press[:2]
 
+    @property
+    def loaded(self) -> SensorDesign:
+        """Its design."""
+        return design_of(str(self.design)) if self.design in FLOOR_PADS else optopad.load(self.design)
+
     def scene(self) -> OpticalScene:
         """Its scene."""
-        scene = scene_of(optopad.load(self.design))
+        scene = scene_of(self.loaded)
         if not self.has_epoxy:
             return scene
         (angle, epoxy), cosine, index = EPOXY, cosine_nodes(), scene.refractive_index
@@ -104,7 +112,7 @@ class State:
         """The press and the field that the engine is given."""
         if self.is_analytic:
             return compact_dimple(self.press[2]), None
-        tops = pressed_tops(optopad.load(self.design), np.array([self.press]), by_symmetry=False)
+        tops = pressed_tops(self.loaded, np.array([self.press]), by_symmetry=False)
         return tops.near[0], tops.fields[0]
 
     def surface(self) -> tuple[Indentation | None, FloatArray | None]:
@@ -114,7 +122,7 @@ class State:
             return None, None
         if self.is_analytic:
             return compact_curve(compact_dimple(self.press[2]), scene.height_mm), None
-        surface = pad_surface(optopad.load(self.design), self.press[2], self.at_mm)
+        surface = pad_surface(self.loaded, self.press[2], self.at_mm)
         return surface.near, None if scene.form is not None else surface.beside_mm(*_grid(scene))
 
     def mesh(self, step_mm: float) -> TopMesh:
@@ -139,6 +147,11 @@ STATES = (
     State(name="dome-pressed", design=DOME, press=(13.5, 12.5, 2.0)),
     State(name="crown-untouched", design=CROWN, press=(20.0, 12.5, 0.0)),
     State(name="crown-pressed", design=CROWN, press=(26.0, 9.5, 2.0)),
+    State(name="floor-bare", design="flat, bare", press=(19.0, 9.5, 2.0)),
+    State(name="floor-specular", design="flat, specular 0.8", press=(19.0, 9.5, 2.0)),
+    State(name="floor-diffuse", design="flat, receivers flush, diffuse 0.6", press=(19.0, 9.5, 2.0)),
+    State(name="floor-level", design="disc, level, specular 0.8", press=(18.0, 11.5, 2.0)),
+    State(name="floor-between", design="flat, specular 0.8", press=(15.0, 12.0, 1.0)),
 )
 
 
@@ -188,7 +201,7 @@ class Compared:
     walk : (launch, 3, e, r) likewise
     stated : (e, r) the engine's standard error [-]
     untouched : (e, r) light without a press [-]
-    judged : (e, r) pairs on different walls that caught enough rays
+    judged : (e, r) pairs on different walls, or with an emitter on the floor, that caught enough rays
     seconds : processor time of the walk
     """
 
@@ -239,7 +252,8 @@ def compared(state: State, number: int) -> Compared:
         walk=found.flux,
         stated=raw.standard_error[1],
         untouched=raw.flux[:, 0].sum(axis=0),
-        judged=different_walls(scene) & (engine.sum(axis=0) * found.rays > FAINTEST),
+        judged=(different_walls(scene) | (scene.emitter_wall < 0)[:, None])
+        & (engine.sum(axis=0) * found.rays > FAINTEST),
         seconds=found.seconds,
     )
 

@@ -2,13 +2,15 @@
 
 An outside check of the light engine and a measure of its speed. Mitsuba supplies the intersection with the triangles of
 the top (embree), the interpolated normals and Fresnel's equations; drjit the loop, the random numbers and the compiler.
-Flat walls, a round wall and the bottom are written out. Nothing of `optopad.sims.optics` takes part but the scene's
-numbers. Optional: needs `pip install mitsuba` and an LLVM library that drjit accepts (19 does, 15 aborts;
-DRJIT_LIBLLVM_PATH names it).
+Flat walls, a round wall, the bottom and faces on the floor are written out. Nothing of `optopad.sims.optics` takes part
+but the scene's numbers. Optional: needs `pip install mitsuba` and an LLVM library that drjit accepts (19 does, 15
+aborts; DRJIT_LIBLLVM_PATH names it).
 
 The walk: emitters radiate by their order or table; at the top Fresnel's share becomes weight, and absorption on every
 flight; walls, bottom and tip scatter by chance; a receiver, or a face that does not scatter, ends a ray; faint rays end
-by roulette. A receiver counts the share that its response table gives for the angle of arrival.
+by roulette. A receiver counts the share that its response table gives for the angle of arrival. A skin has a fixed
+reflectance: it mirrors like the bare top, or scatters by chance. Light that a skin alone has scattered counts as
+mirrored, as in the engine.
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from optopad.design.arrays import FloatArray
 from optopad.sims.optics.scene.optical_scene import OpticalScene, PadForm
@@ -61,6 +64,24 @@ class Counted:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Face:
+    """The face of a part on the floor.
+
+    Attributes
+    ----------
+    centre : (3,) [mm]
+    normal, width, height : (3,) unit vectors: into the elastomer, and along the sides [-]
+    half_mm : half width, half height
+    """
+
+    centre: FloatArray
+    normal: FloatArray
+    width: FloatArray
+    height: FloatArray
+    half_mm: tuple[float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
 class Pad:
     """A pressed pad as Mitsuba sees it: the first `touched` triangles belong to the tip."""
 
@@ -70,10 +91,12 @@ class Pad:
     touched: int
     cosines: Any
     response: Any
+    emitter_faces: list[Face | None]
+    receiver_faces: list[Face | None]
 
     @property
     def round_face(self) -> int:
-        """Number of round walls as a face; flat walls come before it, the bottom follows."""
+        """Number of round walls as a face; flat walls come before, the bottom and the faces on the floor after it."""
         return len(self.form.walls)
 
 
@@ -100,7 +123,22 @@ def pad(scene: OpticalScene, top: TopMesh) -> Pad:
         touched=top.touched,
         cosines=[mi.Float(emitted_cosines(scene, k)) for k in range(len(scene.emitter_wall))],
         response=None if response is None else mi.Float(response.ravel()),
+        emitter_faces=floor_faces(scene.emitter_pose, scene.emitter_patch),
+        receiver_faces=floor_faces(scene.receiver_pose, scene.receiver_patch),
     )
+
+
+def floor_faces(poses: FloatArray | None, patches: FloatArray) -> list[Face | None]:
+    """Faces on the floor, by rotations of a face that looks up; None for a part on a wall."""
+    found: list[Face | None] = [None] * len(patches)
+    for k, pose in enumerate(() if poses is None else poses):
+        if np.isnan(pose).any():
+            continue
+        turned = Rotation.from_euler("yz", pose[3:])
+        normal, width, height = turned.apply([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+        half_mm = float(patches[k, 2]), float(patches[k, 3])
+        found[k] = Face(centre=pose[:3], normal=normal, width=width, height=height, half_mm=half_mm)
+    return found
 
 
 def emitted_cosines(scene: OpticalScene, emitter: int) -> FloatArray:
@@ -197,13 +235,18 @@ def _untouched_top(given: Pad, place: Any) -> Any:
 
 def _start(given: Pad, emitter: int, chosen: list[Any]) -> tuple[Any, Any, Any]:
     """Place and direction of rays of an emitter by four numbers in 0..1, and whether they start in the elastomer."""
-    scene = given.scene
+    scene, on_floor = given.scene, given.emitter_faces[emitter]
+    cosine = _looked_up(given.cosines[emitter], mi.UInt32(0), COSINES, dr.sqrt(chosen[2]))
+    if on_floor is not None:
+        a, b = ((2.0 * one - 1.0) * half for one, half in zip(chosen, on_floor.half_mm, strict=False))
+        place = _vector(on_floor.centre) + a * _vector(on_floor.width) + b * _vector(on_floor.height)
+        is_lit = (place.z >= -NUDGE_MM) & (place.z <= _untouched_top(given, place))
+        return place, _about(_vector(on_floor.normal), cosine, chosen[3]), is_lit
     x, y, tx, ty, nx, ny = (float(v) for v in given.form.walls[scene.emitter_wall[emitter]])
     along, height, half_width, half_height = (float(v) for v in scene.emitter_patch[emitter])
     u = along + (2.0 * chosen[0] - 1.0) * half_width
     z = height + (2.0 * chosen[1] - 1.0) * half_height
     place = mi.Vector3f(x + u * tx, y + u * ty, z)
-    cosine = _looked_up(given.cosines[emitter], mi.UInt32(0), COSINES, dr.sqrt(chosen[2]))
     direction = _about(mi.Vector3f(-nx, -ny, 0.0), cosine, chosen[3])
     return place, direction, place.z <= _untouched_top(given, place)
 
@@ -213,6 +256,9 @@ def _receiver(given: Pad, face: Any, place: Any) -> Any:
     scene = given.scene
     found = mi.UInt32(len(scene.receiver_wall))
     for k, (wall, patch) in enumerate(zip(scene.receiver_wall, scene.receiver_patch, strict=True)):
+        if given.receiver_faces[k] is not None:
+            found = dr.select(face == given.round_face + 2 + k, k, found)
+            continue
         x, y, tx, ty = (float(v) for v in given.form.walls[wall, :4])
         along = tx * (place.x - x) + ty * (place.y - y)
         inside = (face == int(wall)) & (dr.abs(along - float(patch[0])) <= float(patch[2]))
@@ -222,7 +268,10 @@ def _receiver(given: Pad, face: Any, place: Any) -> Any:
 
 
 def _face_hit(given: Pad, place: Any, direction: Any) -> tuple[Any, Any, Any]:
-    """Distance to the first of walls and bottom, which, and its unit normal into the elastomer."""
+    """Distance to the first of walls, bottom and fronts of faces, which, and its unit normal into the elastomer.
+
+    A face that is flush with the bottom is met in its place.
+    """
     big = mi.Float(1e30)
     t = dr.select(direction.z < 0, dr.maximum(-place.z / direction.z, 0.0), big)
     face = mi.UInt32(given.round_face + 1)
@@ -249,7 +298,24 @@ def _face_hit(given: Pad, place: Any, direction: Any) -> tuple[Any, Any, Any]:
         nx = dr.select(is_round, -(px + at * direction.x) / radius, nx)
         ny = dr.select(is_round, -(py + at * direction.y) / radius, ny)
         face, t = dr.select(is_round, given.round_face, face), dr.select(is_round, at, t)
-    return t, face, dr.normalize(mi.Vector3f(nx, ny, dr.select(face == given.round_face + 1, 1.0, 0.0)))
+    normal = dr.normalize(mi.Vector3f(nx, ny, dr.select(face == given.round_face + 1, 1.0, 0.0)))
+    for k, one in enumerate([*given.receiver_faces, *given.emitter_faces]):
+        if one is None:
+            continue
+        from_centre, own = place - _vector(one.centre), _vector(one.normal)
+        toward = dr.dot(direction, own)
+        at = -dr.dot(from_centre, own) / toward
+        there = from_centre + at * direction
+        is_met = (toward < 0) & (at >= 0) & (at <= t)
+        is_met &= dr.abs(dr.dot(there, _vector(one.width))) <= one.half_mm[0]
+        is_met &= dr.abs(dr.dot(there, _vector(one.height))) <= one.half_mm[1]
+        face = dr.select(is_met, given.round_face + 2 + k, face)
+        t, normal = dr.select(is_met, at, t), dr.select(is_met, own, normal)
+    return t, face, normal
+
+
+def _vector(values: FloatArray) -> Any:
+    return mi.Vector3f(*(float(value) for value in values))
 
 
 def _flight(
@@ -272,7 +338,9 @@ def _flight(
     on_top = hit.is_valid() & (hit.t < t)
     surface = hit.compute_surface_interaction(ray, mi.RayFlags.ShadingFrame, on_top)
     normal = mi.Vector3f(surface.sh_frame.n)
-    on_tip = on_top & (hit.prim_index < given.touched)
+    on_tip = on_top & (hit.prim_index < given.touched)  # or on a skin that scatters
+    if scene.top_finish != "bare":
+        on_tip = on_top & (scene.top_finish == "diffuse")
     is_free = on_top & ~on_tip
     distance = dr.select(on_top, hit.t, t)
     place = place + distance * direction
@@ -289,17 +357,21 @@ def _flight(
     dr.scatter_add(square, counted * counted, found, seen)
     chance = random.next_float32()
     share = dr.select(
-        face == given.round_face + 1, scene.bottom_reflectance, mi.Float(scene.wall_reflectance)
+        face >= given.round_face + 1, scene.bottom_reflectance, mi.Float(scene.wall_reflectance)
     )
-    share = dr.select(on_tip, scene.tip_reflectance, share)
+    is_bare = scene.top_finish == "bare"
+    share = dr.select(on_tip, scene.tip_reflectance if is_bare else scene.top_reflectance, share)
     ends = seen | (on_top & (cosine <= 0.0)) | (~is_free & (chance >= share))
     lobe = dr.sqrt(1.0 - random.next_float32())
     scattered = _about(dr.select(on_tip, -normal, inward), lobe, random.next_float32())
     direction = dr.select(is_free, direction - 2.0 * cosine * normal, scattered)
     place = dr.select(on_top, place - NUDGE_MM * normal, place)
     reflected, _, _, _ = mi.fresnel(dr.maximum(cosine, 0.0), 1.0 / scene.refractive_index)
+    if not is_bare:
+        reflected = mi.Float(scene.top_reflectance)
     weight = dr.select(is_free, weight * reflected, weight)
-    group = dr.maximum(group, dr.select(is_free, mi.UInt32(MIRRORED), mi.UInt32(DIFFUSE)))
+    is_mirrored = is_free if is_bare else on_top
+    group = dr.maximum(group, dr.select(is_mirrored, mi.UInt32(MIRRORED), mi.UInt32(DIFFUSE)))
     faint = is_free & (weight < FAINT)
     ends |= faint & (chance >= KEPT)
     weight = dr.select(faint, weight / KEPT, weight)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import optopad
 from optopad.sims.contact.pad_surface import pad_surface
 from optopad.sims.optics.scene.optical_scene import smooth_field
 from tests.bench.measures.surface_mesh import form_of
@@ -25,7 +24,7 @@ def test_every_mesh_lies_on_the_surface_that_the_oracle_traces(state: State) -> 
     """A vertex moved by 0.1 µm along its normal leaves the elastomer, the other way it enters."""
     scene, mesh, (press, field) = state.scene(), state.mesh(step_mm=0.5), state.engines_top()
     if field is not None:
-        surface = pad_surface(optopad.load(state.design), state.press[2], state.at_mm)
+        surface = pad_surface(state.loaded, state.press[2], state.at_mm)
         field = smooth_field(
             lambda x, y: surface.beside_mm(x[:, 0], y[0]), scene.length_mm, scene.width_mm, FIELD_STEP_MM
         )
