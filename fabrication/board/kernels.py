@@ -13,7 +13,7 @@ from optopad.sims.kernels import entry_points
 
 STRAIGHT, DIAGONAL = 10, 14
 """Cost of a step to the next place of the raster."""
-AGAINST = 4
+AGAINST = 3
 """Additional cost of a step across a layer's usual direction: x on the top, y on the bottom."""
 VIA_COST = 90
 BUCKETS = 1 << 14

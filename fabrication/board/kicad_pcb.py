@@ -88,7 +88,8 @@ def _lines(board: Board) -> Iterator[str]:
         size = f'(size {VIA_MM:g}) (drill {VIA_DRILL_MM:g}) (layers "F.Cu" "B.Cu")'
         yield f"  (via (at {place(via.x, via.y)}) {size} (net {place.nets[via.net]}) (tstamp {stamp('via', k)}))"
     for layer, pour in enumerate(board.pours):
-        yield from _zone(board, layer, pour, place) if pour else ()
+        if pour:
+            yield from _zone(board, layer, place)
 
 
 class _Place:
@@ -136,24 +137,15 @@ def _pad(one: Footprint, pad: Pad, place: _Place) -> str:
     return f"(pad {quoted(pad.number)} {kind} {shape} {at} (layers {layers}){net}"
 
 
-def _zone(board: Board, layer: int, pour: tuple[tuple[Point, ...], ...], place: _Place) -> Iterator[str]:
+def _zone(board: Board, layer: int, place: _Place) -> Iterator[str]:
+    """The ground pour as a zone that KiCad has yet to fill."""
     x0, y0, x1, y1 = board.box
-    inset = EDGE_MM
-    ends = (
-        (x0 + inset, y0 + inset),
-        (x1 - inset, y0 + inset),
-        (x1 - inset, y1 - inset),
-        (x0 + inset, y1 - inset),
-    )
+    ends = ((x0, y0), (x1, y0), (x1, y1), (x0, y1))
     name, net = LAYERS[layer], place.nets[GROUND]
     yield f'  (zone (net {net}) (net_name "{GROUND}") (layer "{name}") (tstamp {stamp("zone", layer)}) (hatch edge 0.5)'
     yield f"    (connect_pads no (clearance {CLEARANCE_MM:g})) (min_thickness 0.2)"
-    yield "    (fill yes (thermal_gap 0.3) (thermal_bridge_width 0.3))"
-    yield "    (polygon (pts " + " ".join(f"(xy {place(*end)})" for end in ends) + "))"
-    for corners_ in pour:
-        yield f'    (filled_polygon (layer "{name}") (pts '
-        yield "      " + " ".join(f"(xy {place(*end)})" for end in corners_) + "))"
-    yield "  )"
+    yield "    (fill (thermal_gap 0.3) (thermal_bridge_width 0.3))"
+    yield "    (polygon (pts " + " ".join(f"(xy {place(*end)})" for end in ends) + ")))"
 
 
 def project_text(board: Board) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from optopad.design.spec import SensorDesign
 from optopad.fabrication.board.model import Board
 from optopad.fabrication.board.placement import placed
+from optopad.fabrication.board.pour import with_pour
 from optopad.fabrication.board.router import routed
 from optopad.fabrication.gain import SimulatedGain
 
@@ -20,4 +21,4 @@ def board_of(design: SensorDesign, gain: SimulatedGain | None = None) -> Board:
     ------
     DesignError : a chip's package or pins are not known, or the microcontroller board lacks a required pin.
     """
-    return routed(placed(design, gain))
+    return with_pour(routed(placed(design, gain)))

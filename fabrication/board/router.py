@@ -42,9 +42,9 @@ from optopad.fabrication.board.model import (
 
 RASTER_MM = 0.25
 HALF_STEP_MM = RASTER_MM * math.sqrt(0.5)
-CROSSING = 70
+CROSSING = 300
 """Cost of a place that another net's track occupies."""
-LEARNT = 25
+LEARNT = 50
 """Further cost of the place, each time that a track was removed there."""
 SEARCHES_EACH = 12
 """Searches for each connection before no track is removed any more."""
