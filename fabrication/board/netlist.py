@@ -28,8 +28,11 @@ from optopad.fabrication.sheets.bom import PULL_UP_OHM, SET_BY_GAIN
 from optopad.fabrication.sheets.schematic_svg import Pinout, pinouts_of
 
 AMPLIFIERS_EACH = 4
-QUAD_PINS = ((1, 2, 3), (7, 6, 5), (8, 9, 10), (14, 13, 12))
-"""Output, inverting and non-inverting input of each amplifier of a package of four; 4 is the supply, 11 ground."""
+QUAD_PINS = ((1, 2, 3), (14, 13, 12), (7, 6, 5), (8, 9, 10))
+"""Output, inverting and non-inverting input of each amplifier of a package of four; 4 is the supply, 11 ground.
+
+The upper two come first; they serve the upper two of four receivers.
+"""
 PULL_DOWN_OHM = 10e3
 
 
@@ -46,10 +49,17 @@ class Component:
 
 @dataclass(frozen=True, kw_only=True)
 class Group:
-    """Parts that are placed together, the main one first; `kind` is amplifier, chip or switch."""
+    """Parts that are placed together, the main one first.
+
+    Attributes
+    ----------
+    kind : amplifier, chip or switch
+    of_emitters : whether the group serves emitters
+    """
 
     kind: str
     parts: tuple[Component, ...]
+    of_emitters: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,6 +96,12 @@ def board_gaps(circuit: Circuit, gain: SimulatedGain | None = None) -> list[str]
         f"{chips.entry.noun}, as {next(iter(sorted(set(data['chips']) & set(_same_kind(circuit, chips)))), 'none')}"
         for chips in circuit.chips
         if chips.chip_id not in data["chips"]
+    ]
+    unread = {one.part_id: data["optical"].get(one.part_id, {}).get("unread") for one in circuit.cavity.parts}
+    gaps += [
+        f"{part_id}: {why}, which no circuit of optopad does; choose another part"
+        for part_id, why in unread.items()
+        if why
     ]
     amplifier = _amplifier_id(circuit, gain)
     if amplifier is not None and find_amplifier(circuit.entries, amplifier).channels != AMPLIFIERS_EACH:
@@ -180,6 +196,7 @@ def _switches(circuit: Circuit, drives: Sequence[str]) -> Iterator[Group]:
         number = board_data()["transistors"].get(transistor.transistor_id, "")
         yield Group(
             kind="switch",
+            of_emitters=True,
             parts=(
                 Component(
                     reference=f"Q{k}",
@@ -202,12 +219,16 @@ def _amplifiers(circuit: Circuit, gain: SimulatedGain | None) -> Iterator[Group]
     for first in range(0, len(outputs), AMPLIFIERS_EACH):
         name = f"A{first // AMPLIFIERS_EACH + 1}"
         nets, more = {"4": supply, "11": GROUND}, list[Component]()
+        numbers = sorted(
+            range(first, min(first + AMPLIFIERS_EACH, len(outputs))),
+            key=lambda k: -circuit.cavity.receivers[k].position_mm[1],
+        )
         for k, (out, inverting, other) in enumerate(QUAD_PINS):
-            number = first + k + 1
             nets[str(other)] = GROUND
-            if number > len(outputs):  # a spare amplifier follows ground
+            if k >= len(numbers):  # a spare amplifier follows ground
                 nets |= {str(out): f"{name}-spare{k + 1}", str(inverting): f"{name}-spare{k + 1}"}
                 continue
+            number = numbers[k] + 1
             output, inverted = outputs[number - 1], f"R{number}-K"
             nets |= {str(out): output, str(inverting): inverted}
             feedback = None if feedbacks is None else feedbacks[number - 1]
@@ -233,7 +254,8 @@ def _chips(circuit: Circuit) -> Iterator[Group]:
     joined = _joined(pinouts.values())
     for chips in reversed(circuit.chips):
         for name in chips.names:
-            yield Group(kind="chip", parts=tuple(_chip(circuit, chips, pinouts[name], joined)))
+            parts = tuple(_chip(circuit, chips, pinouts[name], joined))
+            yield Group(kind="chip", parts=parts, of_emitters=chips in circuit.emitter_chips)
 
 
 def _joined(pinouts: Iterable[Pinout]) -> Mapping[tuple[str, str], str]:

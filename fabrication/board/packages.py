@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -153,8 +154,9 @@ def floor_part(part: PlacedPart, reference: str, anode: str, cathode: str) -> Fo
     if entry.mounting == "radial":
         return _upright(part, reference, anode, cathode)
     angle = _angle_deg(part.line.tangent)
-    off = entry.active_height_in_body_mm.value - entry.body_height_mm.value / 2
-    middle = part.line.point(part.along_mm, off)
+    # The active area is this far below the middle of the body, which points against the turn.
+    off = entry.body_height_mm.value / 2 - entry.active_height_in_body_mm.value
+    at, middle = part.line.point(part.along_mm), part.line.point(part.along_mm, off)
     nets, pitch = {"K": cathode, "A": anode}, entry.lead_pitch_mm.value
     if own.get("through_hole"):
         drill = round(entry.lead_diameter_mm.value + HOLE_ROOM_MM, 2)
@@ -162,13 +164,39 @@ def floor_part(part: PlacedPart, reference: str, anode: str, cathode: str) -> Fo
             round_pad(name, nets[name], moved((x, 0.0), middle, angle), drill)
             for name, x in (("K", -pitch / 2), ("A", pitch / 2))
         )
+    elif "pads" in own:
+        pads = tuple(_pad(row, nets, at, angle) for row in own["pads"])
     else:
-        rows = own.get("pads") or surface_pads(entry)
-        pads = tuple(_pad(row, nets, middle, angle) for row in rows)
+        pads = tuple(_pad(row, nets, middle, angle) for row in surface_pads(entry))
+    note = (
+        "" if own else f"{part.part_id}: its pads and polarity are assumed from its size; see its data sheet"
+    )
     return Footprint(
         reference=reference, value=entry.title, package=part.part_id, x=middle[0], y=middle[1], angle_deg=angle,
-        pads=pads, body=(entry.body_width_mm.value, entry.body_height_mm.value),
-        note="" if own else f"pads of {part.part_id} follow from its catalogue entry",
+        pads=pads, body=(entry.body_width_mm.value, entry.body_height_mm.value), note=note,
+    )  # fmt: skip
+
+
+def coupler(reference: str, emitter: Footprint, receiver: Footprint) -> Footprint:
+    """The package that an emitter and a receiver share."""
+    value, _, _ = emitter.value.partition(",")
+    corners = [
+        moved((x - emitter.x, y - emitter.y), (0.0, 0.0), -emitter.angle_deg)
+        for one in (emitter, receiver)
+        for x, y in one.body_corners
+    ]
+    xs, ys = zip(*corners, strict=True)
+    x, y = moved(
+        ((min(xs) + max(xs)) / 2, (min(ys) + max(ys)) / 2), (emitter.x, emitter.y), emitter.angle_deg
+    )
+    pads = tuple(
+        replace(pad, number=kind + pad.number)
+        for kind, one in (("E", emitter), ("R", receiver))
+        for pad in one.pads
+    )
+    return replace(
+        emitter, reference=reference, value=value, x=x, y=y, pads=pads,
+        body=(max(xs) - min(xs), max(ys) - min(ys)), note=emitter.note or receiver.note,
     )  # fmt: skip
 
 

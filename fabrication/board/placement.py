@@ -7,14 +7,15 @@
     |  into the board          |            |            o
     +---------------------------------------------------+
 
-All parts are on the top, on two layers. The mold's fixing holes go through the board. Parts of a group are next to each
-other; groups fill columns from the top, and the header to the microcontroller board is at the right edge, between two
+Chips that switch LEDs, and their transistors, are left of the mold. All parts are on the top. The mold's fixing holes go
+through the board. Parts of a group are next to each other; groups fill columns from the top, and the header to the microcontroller board is at the right edge, between two
 holes. The first pad of every part is on the router's raster, so that pads at a pitch of 0.5 mm can be reached.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from optopad.design.circuit.circuit import Circuit
@@ -23,11 +24,12 @@ from optopad.design.shape.cavity import outline_mm
 from optopad.design.shape.outline import Point
 from optopad.design.spec import SensorDesign
 from optopad.fabrication.board.lettering import text_width_mm
-from optopad.fabrication.board.model import Board, BoardHole, Footprint, Label, moved
-from optopad.fabrication.board.netlist import Component, Group, Netlist, netlist_of
+from optopad.fabrication.board.model import GROUND, Board, BoardHole, Footprint, Label, moved
+from optopad.fabrication.board.netlist import QUAD_PINS, Component, Group, Netlist, netlist_of
 from optopad.fabrication.board.packages import (
     HEADER_PITCH_MM,
     board_data,
+    coupler,
     floor_part,
     packaged,
     pin_header,
@@ -38,8 +40,10 @@ from optopad.fabrication.gain import SimulatedGain
 
 MARGIN_MM = 1.5
 """From pads, labels and the mold to the board's edge [mm]."""
-GAP_MM = 2.5
+GAP_MM = 5.0
 """Between columns of parts [mm]."""
+BLOCK_GAP_MM = 1.0
+"""Between groups in a column [mm]."""
 LEAST_HEIGHT_MM = 30.0
 HOLE_DIAMETER_MM = 3.2
 """Holes at the right edge, for M3 screws."""
@@ -58,13 +62,19 @@ class _Block:
     parts: tuple[tuple[Component, Point, float], ...]
     box: tuple[float, float, float, float]
 
+    def turned(self) -> _Block:
+        """The block turned by half a turn."""
+        x0, y0, x1, y1 = self.box
+        parts = tuple((one, (-x, -y), (angle + 180.0) % 360.0) for one, (x, y), angle in self.parts)
+        return _Block(parts=parts, box=(-x1, -y1, -x0, -y0))
+
     @property
     def width(self) -> float:
         return self.box[2] - self.box[0]
 
     @property
     def height(self) -> float:
-        return self.box[3] - self.box[1]
+        return self.box[3] - self.box[1] + BLOCK_GAP_MM
 
 
 def placed(design: SensorDesign, gain: SimulatedGain | None = None) -> Board:
@@ -79,26 +89,27 @@ def placed(design: SensorDesign, gain: SimulatedGain | None = None) -> Board:
     optical = tuple(_optical(circuit, netlist, mold))
     centre = mold.plan.centre_mm
     names = [label for one in optical for label in _names(one, centre)]
-    left = _around([*_corners(optical), *((one.x, one.y) for one in names), *_mold_lines(mold)[1]])
-    columns = _columns(netlist.groups, max(left[3] - left[1], LEAST_HEIGHT_MM, _header_mm(netlist)))
-    tall = max(
-        [left[3] - left[1], LEAST_HEIGHT_MM, _header_mm(netlist), *(_height(column) for column in columns)]
-    )
-    middle = (left[1] + left[3]) / 2
+    pad = _around([*_corners(optical), *((one.x, one.y) for one in names), *_mold_lines(mold)[1]])
+    heights = _heights(optical)
+    least = max(pad[3] - pad[1], LEAST_HEIGHT_MM, _header_mm(netlist))
+    # Emitters with chips need few lines to the header, so their circuit is on the other side of the pad.
+    on_left = [one for one in netlist.groups if one.of_emitters and circuit.emitter_chips]
+    to_left = _columns(sorted(on_left, key=lambda one: one.kind == "chip"), heights, least, is_left=True)
+    to_right = _columns([one for one in netlist.groups if one not in on_left], heights, least)
+    tall = max([least, *(_height(column) for column in (*to_left, *to_right))])
+    middle = (pad[1] + pad[3]) / 2
     box_y = _snapped(middle - tall / 2 - MARGIN_MM), _snapped(middle + tall / 2 + MARGIN_MM)
-    parts, x = list(optical), left[2] + GAP_MM
-    for column in columns:
-        wide = max(block.width for block in column)
-        y = middle + _height(column) / 2
-        for block in column:
-            at = x + wide / 2 - (block.box[0] + block.box[2]) / 2, y - block.box[3]
-            parts += [_part(one, moved(place, at, 0.0), angle) for one, place, angle in block.parts]
-            y -= block.height
-        x += wide + GAP_MM
+    parts, x, left = list(optical), pad[2] + GAP_MM, pad[0]
+    for column in to_right:
+        parts += _stacked(column, x, middle)
+        x += _width(column) + GAP_MM
+    for column in to_left:
+        left -= GAP_MM + _width(column)
+        parts += _stacked(column, left, middle)
     header_x = x + HEADER_LABEL_MM + HEADER_PITCH_MM / 2
     header = pin_header(netlist.header, (_snapped(header_x) + RASTER_MM / 2, _snapped(middle)))
     right = _snapped(header_x + HEADER_PITCH_MM / 2 + HEADER_LABEL_MM + MARGIN_MM)
-    box = _snapped(left[0] - MARGIN_MM), box_y[0], right, box_y[1]
+    box = _snapped(left - MARGIN_MM), box_y[0], right, box_y[1]
     holes = [
         *(BoardHole(x=one.x, y=one.y, diameter_mm=round(2 * one.radius, 3)) for one in mold.fixing_holes),
         *(
@@ -107,7 +118,7 @@ def placed(design: SensorDesign, gain: SimulatedGain | None = None) -> Board:
         ),
     ]
     chips = [one for one in parts if len(one.pads) > MANY_PADS]
-    is_floor = any(one.wall == "floor" for one in circuit.cavity.parts)
+    is_floor = bool(circuit.cavity.on_floor)
     notes = dict.fromkeys(one.note for one in parts if one.note)
     return Board(
         name=design.name,
@@ -128,14 +139,20 @@ def _snapped(value: float) -> float:
 
 def _optical(circuit: Circuit, netlist: Netlist, mold: MoldOutline) -> Iterator[Footprint]:
     frames = {socket.part.name: socket.frame for socket in mold.sockets}
-    cavity = circuit.cavity
+    cavity, halves = circuit.cavity, dict[str, Footprint]()
     for parts, nets in ((cavity.emitters, netlist.emitters), (cavity.receivers, netlist.receivers)):
         for part, its in zip(parts, nets, strict=True):
             name, anode, cathode = its.reference, its.anode, its.cathode
-            if part.wall == "floor":
-                yield floor_part(part, name, anode, cathode)
-            else:
+            if not part.is_on_floor:
                 yield wall_part(part, frames[part.name], name, anode, cathode)
+                continue
+            one = floor_part(part, name, anode, cathode)
+            if part.coupler is None:
+                yield one
+            elif part.coupler in halves:
+                yield coupler(f"OC{part.coupler[1:]}", halves[part.coupler], one)
+            else:
+                halves[part.coupler] = one
 
 
 def _corners(parts: Sequence[Footprint]) -> list[Point]:
@@ -170,27 +187,57 @@ def _height(column: Sequence[_Block]) -> float:
     return sum(block.height for block in column)
 
 
-def _columns(groups: Sequence[Group], most_mm: float) -> list[list[_Block]]:
-    """Blocks in columns of about this height: amplifiers, then chips, then switches."""
-    columns: list[list[_Block]] = []
+def _width(column: Sequence[_Block]) -> float:
+    return max(block.width for block in column)
+
+
+def _heights(optical: Sequence[Footprint]) -> dict[str, float]:
+    """Mean y of the optical parts' pads on each net, without ground."""
+    found: dict[str, list[float]] = {}
+    for one in optical:
+        for pad in one.pads:
+            found.setdefault(pad.net, []).append(pad.y)
+    return {net: sum(ys) / len(ys) for net, ys in found.items() if net != GROUND}
+
+
+def _columns(
+    groups: Sequence[Group], heights: Mapping[str, float], least_mm: float, *, is_left: bool = False
+) -> list[list[_Block]]:
+    """Blocks in columns, the nearest to the pad first: amplifiers, then the rest. Many make a square, not a strip.
+
+    Within a column, blocks are in the order of the optical parts that they are connected to, the highest first.
+    """
+    make = {"amplifier": _amplifier_block, "chip": _chip_block, "switch": _switch_block}
+    blocks = [make[group.kind](group) for group in groups]
+    most_mm = max(least_mm, math.sqrt(sum((block.width + GAP_MM) * block.height for block in blocks)))
+    columns: list[list[tuple[float, _Block]]] = []
     last = ""
-    for group in groups:
-        block = {"amplifier": _amplifier_block, "chip": _chip_block, "switch": _switch_block}[group.kind](
-            group
-        )
-        is_new = group.kind == "amplifier" or last == "amplifier"
-        if not columns or (is_new and group.kind != last) or _height(columns[-1]) + block.height > most_mm:
+    for group, block in zip(groups, blocks, strict=True):
+        is_new = group.kind != last and "amplifier" in (group.kind, last)
+        if not columns or is_new or _height([one for _, one in columns[-1]]) + block.height > most_mm:
             columns.append([])
-        columns[-1].append(block)
+        at = [heights[net] for one in group.parts for net in one.nets.values() if net in heights]
+        columns[-1].append((sum(at) / len(at) if at else -math.inf, block.turned() if is_left else block))
         last = group.kind
-    return columns
+    return [[block for _, block in sorted(column, key=lambda one: -one[0])] for column in columns]
+
+
+def _stacked(column: Sequence[_Block], x: float, middle: float) -> Iterator[Footprint]:
+    """The parts of a column from its left end, centred at a height."""
+    y = middle + _height(column) / 2
+    for block in column:
+        at = x + _width(column) / 2 - (block.box[0] + block.box[2]) / 2, y - block.box[3] - BLOCK_GAP_MM / 2
+        yield from (_part(one, moved(place, at, 0.0), angle) for one, place, angle in block.parts)
+        y -= block.height
 
 
 def _amplifier_block(group: Group) -> _Block:
     chip, supply, *feedback = group.parts
     parts = [(chip, (0.0, 0.0), 0.0), (supply, (-5.5, 0.0), 90.0)]
-    for k, pair in enumerate(zip(feedback[::2], feedback[1::2], strict=True)):
-        side, is_up = (-1.0 if k < 2 else 1.0), k in (0, 3)
+    outputs = [chip.nets[str(out)] for out, _, _ in QUAD_PINS]
+    for pair in zip(feedback[::2], feedback[1::2], strict=True):
+        k = outputs.index(pair[0].nets["1"])
+        side, is_up = (1.0 if k % 2 else -1.0), k < 2
         for one, out in zip(pair, (5.5, 7.5), strict=True):
             # The first pad is on the output, which is outside of the inverting input.
             parts.append((one, (side * out, 3.175 if is_up else -3.175), 270.0 if is_up else 90.0))

@@ -1,8 +1,8 @@
 """The ground pour of a routed board: copper on ground that fills both layers around tracks and pads.
 
-It joins tracks and vias of ground, which connect all pads already, and keeps its clearance from pads, so that no pad loses
-its heat to it. It consists of squares of the router's raster; pieces that touch neither track nor via of ground are left
-out. In KiCad's file it is a zone, which KiCad fills by itself.
+It joins tracks and vias of ground, which connect all pads already, and keeps its clearance from pads, so that no pad
+loses its heat to it. It consists of squares of the router's raster; pieces that touch neither track nor via of ground
+are left out. In KiCad's file it is a zone, which KiCad fills by itself.
 """
 
 from __future__ import annotations
@@ -36,7 +36,9 @@ SEAM_MM = 0.005
 def with_pour(board: Board) -> Board:
     """The board with a ground pour on both layers."""
     raster = Raster(board)
-    return replace(board, pours=tuple(tuple(_rectangles(raster, _mask(board, raster, k))) for k in (TOP, BOTTOM)))
+    return replace(
+        board, pours=tuple(tuple(_rectangles(raster, _mask(board, raster, k))) for k in (TOP, BOTTOM))
+    )
 
 
 def track_pad(track: Track) -> Pad:
@@ -83,7 +85,11 @@ def _rectangles(raster: Raster, mask: BoolArray) -> Iterator[tuple[Point, ...]]:
     """Rectangles that cover a mask; equal runs of neighbouring rows are one rectangle."""
     open_runs: dict[tuple[int, int], int] = {}
     for row in range(raster.rows + 1):
-        line = np.concatenate(([False], mask[row], [False])) if row < raster.rows else np.zeros(2, dtype=np.bool_)
+        line = (
+            np.concatenate(([False], mask[row], [False]))
+            if row < raster.rows
+            else np.zeros(2, dtype=np.bool_)
+        )
         edges = np.flatnonzero(line[1:] != line[:-1])
         runs = {(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)}
         for run in sorted(set(open_runs) - runs):
