@@ -97,7 +97,7 @@ def gerber_texts(board: Board) -> dict[str, str]:
         "B_Cu.gbl": lambda layer: _copper(layer, board, BOTTOM),
         "F_Mask.gts": lambda layer: _openings(layer, board, TOP),
         "B_Mask.gbs": lambda layer: _openings(layer, board, BOTTOM),
-        "F_Paste.gtp": lambda layer: [layer.flash(pad) for _, pad in board.pads if not pad.drill_mm] and None,
+        "F_Paste.gtp": lambda layer: _paste(layer, board),
         "F_Silkscreen.gto": lambda layer: _printed(layer, board),
         "Edge_Cuts.gm1": lambda layer: layer.draw(corners(board), EDGE_LINE_MM),
     }
@@ -138,6 +138,12 @@ def _openings(layer: _Layer, board: Board, number: int) -> None:
             layer.flash(pad, MASK_MM)
     for hole in board.holes:
         layer.disc((hole.x, hole.y), hole.diameter_mm + 2 * MASK_MM)
+
+
+def _paste(layer: _Layer, board: Board) -> None:
+    for _, pad in board.pads:
+        if not pad.drill_mm:
+            layer.flash(pad)
 
 
 def _printed(layer: _Layer, board: Board) -> None:

@@ -65,11 +65,11 @@ def cheapest_path(
         before[start] = -1
         slot = ahead % BUCKETS
         places.append(start)
-        costs.append(0)
+        costs.append(np.int64(0))
         following.append(heads[slot])
         heads[slot] = len(places) - 1
         waiting += 1
-        level = min(level, ahead)
+        level = min(level, np.int64(ahead))
     while waiting > 0:
         bucket = level % BUCKETS
         entry = heads[bucket]

@@ -53,7 +53,7 @@ def _symbol(one: Footprint) -> str:
 
 
 def _pins(one: Footprint) -> list[tuple[str, float, float, int]]:
-    """Number, x and y (upward) of the outer end, and direction of each pin: half on the left, then half on the right."""
+    """Number, x and y (upward) of the outer end, and direction of each pin: one half on the left, one on the right."""
     numbers = list(dict.fromkeys(pad.number for pad in one.pads if pad.number))
     half = (len(numbers) + 1) // 2
     out = _half_width(one) + PIN_MM

@@ -298,20 +298,20 @@ def _chip(
     yield Component(
         reference=name, value=entry.name, package=data["package"], nets=nets, part_number=data["part_number"]
     )
-    letter, number = name[0], name[1:]
+    letter, place = name[0], name[1:]
     analog, level = volts(circuit.adc.supply_v), volts(circuit.board.pin_v)
     is_converter = isinstance(entry, Converter)
-    yield capacitor(f"C{letter}{number}", "100 nF", analog if is_converter else level, GROUND)
+    yield capacitor(f"C{letter}{place}", "100 nF", analog if is_converter else level, GROUND)
     if isinstance(entry, Converter) and entry.has_own_logic:
-        yield capacitor(f"CD{number}", "100 nF", level, GROUND)
+        yield capacitor(f"CD{place}", "100 nF", level, GROUND)
     for _, mark, value, *_ in entry.family.components:
-        yield capacitor(f"{mark}{number}", value, f"{name}-{mark}", GROUND)
+        yield capacitor(f"{mark}{place}", value, f"{name}-{mark}", GROUND)
     pins = [f"D{pin}" for pin in chips.pins]
     if isinstance(entry, LedDriver):
         sink = current_sink(circuit)
-        yield resistor(f"RI{number}", None if sink is None else sink.reference_ohm, f"{name}-RI", GROUND)
-        if number == "1":
+        yield resistor(f"RI{place}", None if sink is None else sink.reference_ohm, f"{name}-RI", GROUND)
+        if place == "1":
             yield resistor("RP1", PULL_UP_OHM, level, by_pin["BLANK"])
-    elif isinstance(entry, ShiftRegister) and number == "1":
+    elif isinstance(entry, ShiftRegister) and place == "1":
         for k, pin in enumerate(pins, start=1):
             yield resistor(f"RD{k}", PULL_DOWN_OHM, pin, GROUND)

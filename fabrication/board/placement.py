@@ -7,9 +7,10 @@
     |  into the board          |            |            o
     +---------------------------------------------------+
 
-Chips that switch LEDs, and their transistors, are left of the mold. All parts are on the top. The mold's fixing holes go
-through the board. Parts of a group are next to each other; groups fill columns from the top, and the header to the microcontroller board is at the right edge, between two
-holes. The first pad of every part is on the router's raster, so that pads at a pitch of 0.5 mm can be reached.
+Chips that switch LEDs, and their transistors, are left of the mold. All parts are on the top. The mold's fixing holes
+go through the board. Parts of a group are next to each other; groups fill columns, and the header to the
+microcontroller board is at the right edge, between two holes. The first pad of every part is on the router's raster,
+so that pads at a pitch of 0.5 mm can be reached.
 """
 
 from __future__ import annotations
@@ -128,7 +129,7 @@ def placed(design: SensorDesign, gain: SimulatedGain | None = None) -> Board:
         holes=tuple(holes),
         footprints=(*parts, header),
         lines=(*_mold_lines(mold), *(line for one in chips for line in _chip_lines(one))),
-        labels=(*names, *_labels(parts[len(optical) :], header, design, centre)),
+        labels=(*names, *_labels(parts[len(optical) :], header, design, centre, is_floor=is_floor)),
         notes=(*([NOTE_OF_LAYER] if is_floor else []), *notes),
     )
 
@@ -276,7 +277,8 @@ def _switch_block(group: Group) -> _Block:
 def _names(one: Footprint, centre: Point) -> Iterator[Label]:
     """Name of an optical part: below it, or inside the pad above its leads, or outside its wires with the polarity."""
     if one.is_placed:
-        yield Label(text=one.reference, x=one.x, y=one.y - one.body[1] / 2 - 0.9)
+        corners = [*one.body_corners, *_corners([one])]
+        yield Label(text=one.reference, x=one.x, y=min(y for _, y in corners) - 0.8)
         return
     away = one.x - centre[0], one.y - centre[1]
     far = max((away[0] ** 2 + away[1] ** 2) ** 0.5, 1e-6)
@@ -294,18 +296,25 @@ def _names(one: Footprint, centre: Point) -> Iterator[Label]:
 
 
 def _labels(
-    others: Sequence[Footprint], header: Footprint, design: SensorDesign, centre: Point
+    others: Sequence[Footprint], header: Footprint, design: SensorDesign, centre: Point, *, is_floor: bool
 ) -> Iterator[Label]:
     """Names of the chips, of the header's pins, and of the design."""
     for one in others:
         if len(one.pads) > MANY_PADS:
-            yield Label(text=one.reference, x=one.x, y=one.y, height_mm=1.0)
+            in_middle = one.pads[-1].x == one.x
+            yield Label(text=one.reference, x=one.x, y=one.y + (one.body[1] / 2 - 1.5 if in_middle else 0.0))
     for k, pad in enumerate(header.pads):
         out = HEADER_PITCH_MM / 2 + 0.1 + text_width_mm(pad.net, 0.8) / 2
         yield Label(text=pad.net, x=pad.x + (out if k % 2 else -out), y=pad.y)
-    is_long = text_width_mm(design.name, 1.0) > design.cavity.length_mm - 8.0
-    yield Label(text=design.name, x=centre[0], y=centre[1] + 1.0, height_mm=0.8 if is_long else 1.0)
-    yield Label(text=design.digest[:8], x=centre[0], y=centre[1] - 1.0)
+    lines = (design.name, design.digest[:8])
+    if is_floor:  # under the mold's wall
+        yield Label(
+            text=" ".join(lines), x=centre[0], y=(design.cavity.width_mm - design.mold.outer_width_mm) / 4
+        )
+    else:
+        yield from (
+            Label(text=line, x=centre[0], y=centre[1] + 1.0 - 2.0 * k) for k, line in enumerate(lines)
+        )
 
 
 def _chip_lines(one: Footprint) -> Iterator[tuple[Point, ...]]:

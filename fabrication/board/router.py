@@ -12,8 +12,8 @@ diagonal step takes off.
 from __future__ import annotations
 
 import math
-from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections import Counter, deque
+from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from itertools import pairwise
@@ -124,7 +124,7 @@ class Raster:
         x0, y0, x1, y1 = self.box
         x = np.minimum(self.xs - x0, x1 - self.xs)
         y = np.minimum(self.ys - y0, y1 - self.ys)
-        return np.minimum(x[None, :], y[:, None])
+        return np.asarray(np.minimum(x[None, :], y[:, None]))
 
 
 FORBIDDEN = -1
@@ -325,13 +325,15 @@ class Router:
         for net in self.nets.values():
             steps = _without_stubs(net)
             size = self.raster.layer_size
+            degree = Counter(place for step in steps for place in step)
+            ends = {place for place, count in degree.items() if count != 2}
             spots = sorted({a % size for a, b in steps if a // size != b // size})
             vias += [Via(net=net.name, x=x, y=y) for x, y in map(self.raster.point, spots)]
             for layer in (TOP, BOTTOM):
                 flat = [step for step in steps if step[0] // size == step[1] // size == layer]
                 tracks += [
                     Track(net=net.name, start=self.raster.point(a), end=self.raster.point(b), layer=layer)
-                    for a, b in _straight(flat, self.raster.columns)
+                    for a, b in _straight(flat, self.raster.columns, ends)
                 ]
         return tuple(tracks), tuple(vias)
 
@@ -403,8 +405,10 @@ def _without_stubs(net: _Net) -> list[tuple[int, int]]:
     return sorted(steps)
 
 
-def _straight(steps: Iterable[tuple[int, int]], columns: int) -> Iterator[tuple[int, int]]:
-    """Steps of one layer, with those in a line joined."""
+def _straight(
+    steps: Iterable[tuple[int, int]], columns: int, ends: Container[int]
+) -> Iterator[tuple[int, int]]:
+    """Steps of one layer, with those in a line joined, but not at ends."""
     by_line: dict[tuple[int, int], list[tuple[int, int]]] = {}
     for a, b in steps:
         row, column = divmod(a, columns)
@@ -414,7 +418,7 @@ def _straight(steps: Iterable[tuple[int, int]], columns: int) -> Iterator[tuple[
     for _, found in sorted(by_line.items()):
         start, end = None, None
         for a, b in sorted(found):
-            if a == end:
+            if a == end and a not in ends:
                 end = b
                 continue
             if start is not None and end is not None:
