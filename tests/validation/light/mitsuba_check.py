@@ -1,6 +1,7 @@
 """The light engine against a forward walk in Mitsuba 3 on a mesh: docs/validation/mitsuba.md.
 
-    python -m tests.validation.light.mitsuba_check  every state, a minute each; writes the table of the page
+    python -m tests.validation.light.mitsuba_check  every state, a minute each; writes the tables of the page
+    python -m tests.validation.light.mitsuba_check --floor  the states with parts on the floor alone, and their table
     python -m tests.validation.light.mitsuba_check --speed  one press, 8 million rays: what it counted and took, as JSON
 
 Walks are kept in `FOLDER` by what they depend on: an interrupted table goes on, and after a change of the engine only
@@ -53,6 +54,7 @@ if TYPE_CHECKING:
 PAGE = Path(__file__).parents[3] / "docs" / "validation" / "mitsuba.md"
 FOLDER = Path("build/validation/mitsuba")
 MARKS = "<!-- made by tests/validation/light/mitsuba_check.py -->", "<!-- end -->"
+FLOOR_MARKS = "<!-- made by tests/validation/light/mitsuba_check.py: floor -->", "<!-- end of floor -->"
 EPOXY = 40.0, 1.55
 """Half angle in air [deg] and index of the epoxy of receivers that are not bare."""
 STEP_MM, COARSE_MM, BESIDE_STEP_MM = 0.05, 0.1, 0.08
@@ -147,6 +149,8 @@ STATES = (
     State(name="dome-pressed", design=DOME, press=(13.5, 12.5, 2.0)),
     State(name="crown-untouched", design=CROWN, press=(20.0, 12.5, 0.0)),
     State(name="crown-pressed", design=CROWN, press=(26.0, 9.5, 2.0)),
+)
+FLOOR_STATES = (
     State(name="floor-bare", design="flat, bare", press=(19.0, 9.5, 2.0)),
     State(name="floor-specular", design="flat, specular 0.8", press=(19.0, 9.5, 2.0)),
     State(name="floor-diffuse", design="flat, receivers flush, diffuse 0.6", press=(19.0, 9.5, 2.0)),
@@ -302,26 +306,51 @@ HEAD = [
 
 
 def main(arguments: list[str]) -> None:
-    """Make the table, or measure the speed."""
+    """Make the tables, or measure the speed."""
     if "--speed" in arguments:
         print(json.dumps(speed()))
         return
+    if "--floor" not in arguments:
+        _write(wall_table(), MARKS)
+    _write(floor_table(), FLOOR_MARKS)
+
+
+def _write(text: str, marks: tuple[str, str]) -> None:
+    PAGE.write_text(with_table(PAGE.read_text(encoding="utf-8"), text, marks), encoding="utf-8")
+
+
+def _made() -> str:
+    made = f"Made with mitsuba {version('mitsuba')} and drjit {version('drjit')}"
+    return f"{made}, {RAYS / 1e6:.0f} million rays an emitter and state."
+
+
+def floor_table() -> str:
+    """The table of parts on the floor; its last column names the pairs whose mirrored light is off."""
+    lines = []
+    for number, state in enumerate(FLOOR_STATES, start=len(STATES) + 1):
+        line, pairs = row(state, compared(state, number))
+        lines.append([*line, ", ".join(pairs) or "none"])
+        print(" | ".join(lines[-1]), flush=True)
+    head = ["parts on the floor", *HEAD[1:], "mirrored light off, % of untouched (joint standard errors)"]
+    return "\n\n".join([_made(), markdown_table(head, lines)])
+
+
+def wall_table() -> str:
+    """The table of parts in walls."""
     lines, beyond = [], []
     for number, state in enumerate(STATES):
         line, pairs = row(state, compared(state, number + 1))
         lines.append(line)
         beyond += [f"- `{state.name}`: {', '.join(pairs)}"] if pairs else []
         print(" | ".join(line), flush=True)
-    made = f"Made with mitsuba {version('mitsuba')} and drjit {version('drjit')}"
-    table = "\n\n".join(
+    return "\n\n".join(
         [
-            f"{made}, {RAYS / 1e6:.0f} million rays an emitter and state.",
+            _made(),
             markdown_table(HEAD, lines),
             "Pairs whose mirrored light is off, % of their untouched light (joint standard errors):",
             "\n".join(beyond or ["- none"]),
         ]
     )
-    PAGE.write_text(with_table(PAGE.read_text(encoding="utf-8"), table, MARKS), encoding="utf-8")
 
 
 def speed() -> dict[str, object]:

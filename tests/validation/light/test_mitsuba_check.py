@@ -11,15 +11,16 @@ from tests.bench.measures.surface_mesh import form_of
 from tests.oracle.scene import beyond_walls_mm
 from tests.oracle.surface import is_in_elastomer
 from tests.oracle.top import lower_presses
-from tests.validation.light.mitsuba_check import BEYOND, STATES, Compared, State, row
+from tests.validation.light.mitsuba_check import BEYOND, FLOOR_STATES, STATES, Compared, State, row
 
 OFF_MM = 1e-4
 FIELD_STEP_MM = 0.25
 SAMPLED = 200
+EVERY = (*STATES, *FLOOR_STATES)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("state", STATES, ids=lambda state: state.name)
+@pytest.mark.parametrize("state", EVERY, ids=lambda state: state.name)
 def test_every_mesh_lies_on_the_surface_that_the_oracle_traces(state: State) -> None:
     """A vertex moved by 0.1 µm along its normal leaves the elastomer, the other way it enters."""
     scene, mesh, (press, field) = state.scene(), state.mesh(step_mm=0.5), state.engines_top()
@@ -37,7 +38,7 @@ def test_every_mesh_lies_on_the_surface_that_the_oracle_traces(state: State) -> 
         assert not is_in_elastomer(top, *(place + OFF_MM * normal))
 
 
-@pytest.mark.parametrize("state", [one for one in STATES if one.press[2] > 0.0], ids=lambda state: state.name)
+@pytest.mark.parametrize("state", [one for one in EVERY if one.press[2] > 0.0], ids=lambda state: state.name)
 def test_the_contact_of_every_mesh_ends_at_its_edge(state: State) -> None:
     scene, mesh, (press, _) = state.scene(), state.mesh(step_mm=0.5), state.surface()
     assert press is not None
