@@ -155,7 +155,6 @@ FLOOR_STATES = (
     State(name="floor-specular", design="flat, specular 0.8", press=(19.0, 9.5, 2.0)),
     State(name="floor-diffuse", design="flat, receivers flush, diffuse 0.6", press=(19.0, 9.5, 2.0)),
     State(name="floor-level", design="disc, level, specular 0.8", press=(18.0, 11.5, 2.0)),
-    State(name="floor-between", design="flat, specular 0.8", press=(15.0, 12.0, 1.0)),
 )
 
 
