@@ -376,16 +376,17 @@ def jackknifed(
     return joined(*whole), np.asarray(np.sqrt(np.var(less, axis=0) * (count - 1.0)))
 
 
-def lattice_error(mirrored: FloatArray) -> FloatArray:
+def lattice_error(mirrored: FloatArray, apart: FloatArray | None = None) -> FloatArray:
     """(emitter, receiver) standard error of `mirrored` (grid, 2, batch, emitter, receiver), light from grids of points.
 
     Each batch is a grid with every other point. Its error times `FINER_LATTICE` is a bound for the error of all batches
-    together. If whole grids differ by more than that, their spread is used.
+    together. If whole grids differ by more than that, their spread is used. `apart`, of the same shape, has the
+    batches' errors if they are not those of `mirrored`.
     """
     count, batches = mirrored.shape[0], mirrored.shape[2]
-    alone = mirrored.sum(axis=1) * batches
+    alone = (mirrored if apart is None else apart).sum(axis=1) * batches
     within = np.sqrt(alone.var(axis=1, ddof=1).mean(axis=0)) * FINER_LATTICE
-    between = alone.mean(axis=1).std(axis=0, ddof=1) if count > 1 else 0.0
+    between = (mirrored.sum(axis=1) * batches).mean(axis=1).std(axis=0, ddof=1) if count > 1 else 0.0
     return np.asarray(np.maximum(within, between) / np.sqrt(count))
 
 

@@ -208,12 +208,14 @@ def ring_points(
 ) -> FloatArray:
     """(n, 5) points on rings around the press, denser near the contact; columns as from `GridPoints.in_frame`."""
     contact, all_chains = float(top.numbers[CONTACT_EDGE]), top.numbers[KIND] == SPHERE
-    within = max(settings.rings // 3, 4)
+    within, needed = max(settings.rings // 3, 4), int(np.ceil(contact / pitch_mm))
     beyond = max(settings.rings, int(1.5 * (outer_mm - contact) / pitch_mm))
     share = np.arange(beyond + 1) / beyond
+    # rings of equal area, or, where an image of a part is narrow, of equal width
+    inner = np.sqrt(np.arange(within) / within) if needed <= within else np.arange(needed) / needed
     edges = np.concatenate(
         [
-            contact * np.sqrt(np.arange(within) / within),
+            contact * inner,
             contact + (outer_mm - contact) * (0.25 * share + 0.75 * share**2),
         ]
     )
