@@ -159,8 +159,10 @@ def _board_words(design: SensorDesign, alike: Sequence[PlacedPart]) -> list[str]
     return [
         part.part.title,
         *(" ".join(names[k : k + 12]) for k in range(0, len(names), 12)),
-        f"active face {looks}, centre {number(part.height_mm - board)} above the board"
-        + (f", {number(part.height_mm)} above the black layer" if board < 0 else ""),
+        *_wrapped(
+            f"active face {looks}, centre {number(part.height_mm - board)} above the board"
+            + (f" and {number(part.height_mm)} above the black layer" if board < 0 else "")
+        ),
         f"body {stands}, top {number(part.body_top_mm - board)} above the board",
         *_wrapped(polarity_of(part, Circuit.of(design))),
     ]

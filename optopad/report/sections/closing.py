@@ -41,7 +41,7 @@ KNOWN_FILES = {
     "fabrication/wiring.csv": "pins",
     "fabrication/wiring.svg": "layout and pins, drawn",
     "fabrication/schematic.svg": "switches and amplifiers with their values",
-    "fabrication/orientation.svg": "each kind of part in its socket",
+    "fabrication/orientation.svg": "each kind of part in its place",
     "fabrication/casting.md": "how to cast it",
     "fabrication/driver.toml": "configuration of the driver",
     "fabrication/firmware/optopad.hex": "firmware, compiled",
@@ -76,6 +76,7 @@ def closing_sections(
     return part(
         "closing",
         score=score,
+        design=design,
         is_block=plan_of(design).is_block,
         files=files,
         known_files=KNOWN_FILES,
