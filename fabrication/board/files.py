@@ -27,12 +27,14 @@ ARCHIVE_TIME = (2000, 1, 1, 0, 0, 0)
 
 def bill_csv(board: Board) -> str:
     """The parts to solder onto the board, one line for each value."""
-    lines: dict[tuple[str, str, str], list[str]] = {}
+    lines: dict[tuple[str, str, str, str], list[str]] = {}
     for one in _assembled(board):
         footprint = one.library.partition(":")[2] or one.package
-        lines.setdefault((one.value, footprint, one.part_number), []).append(one.reference)
+        letters = one.reference.rstrip("0123456789")
+        lines.setdefault((letters, one.value, footprint, one.part_number), []).append(one.reference)
     rows = [
-        (value, ",".join(names), footprint, number) for (value, footprint, number), names in lines.items()
+        (value, ",".join(sorted(names, key=lambda name: (len(name), name))), footprint, number)
+        for (_, value, footprint, number), names in lines.items()
     ]
     return csv_text(BILL_COLUMNS, rows)
 

@@ -16,6 +16,7 @@ from typing import Any
 from optopad.design.fields.packaged import data_table
 from optopad.design.mold.sockets import WallFrame, lead_offsets_mm, lead_setback_mm
 from optopad.design.parts.catalog import Part
+from optopad.design.parts.orders import order_of
 from optopad.design.shape.cavity import PlacedPart
 from optopad.design.shape.outline import Point
 from optopad.fabrication.board.model import Footprint, Pad, moved
@@ -168,12 +169,14 @@ def floor_part(part: PlacedPart, reference: str, anode: str, cathode: str) -> Fo
         pads = tuple(_pad(row, nets, at, angle) for row in own["pads"])
     else:
         pads = tuple(_pad(row, nets, middle, angle) for row in surface_pads(entry))
+    ordered = order_of((part.part_id,))
     note = (
         "" if own else f"{part.part_id}: its pads and polarity are assumed from its size; see its data sheet"
     )
     return Footprint(
         reference=reference, value=entry.title, package=part.part_id, x=middle[0], y=middle[1], angle_deg=angle,
         pads=pads, body=(entry.body_width_mm.value, entry.body_height_mm.value), note=note,
+        part_number="" if ordered is None else ordered[1],
     )  # fmt: skip
 
 
@@ -214,12 +217,12 @@ def _upright(part: PlacedPart, reference: str, anode: str, cathode: str) -> Foot
     entry = part.part
     drill = round(entry.lead_diameter_mm.value + HOLE_ROOM_MM, 2)
     (ox, oy), (tx, ty) = part.line.outward, part.line.tangent
-    # Seen from the light, left is the direction of (-outward) turned clockwise, seen from above.
-    is_left_first = tx * -oy + ty * ox > 0
+    # Seen from the light, left is its direction (-outward) turned clockwise, as seen from above.
+    is_left_last = tx * -oy + ty * ox > 0
     left, is_known = cathode_is_left(part.part_id)
     offsets = lead_offsets_mm(entry)
     names = ["", *[""] * (len(offsets) - 2), ""]
-    names[0], names[-1] = ("K", "A") if left == is_left_first else ("A", "K")
+    names[0], names[-1] = ("A", "K") if left == is_left_last else ("K", "A")
     nets = {"K": cathode, "A": anode}
     places = [part.line.point(part.along_mm + offset, lead_setback_mm(entry)) for offset in offsets]
     at = part.line.point(part.along_mm, lead_setback_mm(entry))

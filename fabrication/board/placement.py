@@ -41,9 +41,9 @@ from optopad.fabrication.gain import SimulatedGain
 
 MARGIN_MM = 1.5
 """From pads, labels and the mold to the board's edge [mm]."""
-GAP_MM = 5.0
+GAP_MM = 6.0
 """Between columns of parts [mm]."""
-BLOCK_GAP_MM = 1.0
+BLOCK_GAP_MM = 1.5
 """Between groups in a column [mm]."""
 LEAST_HEIGHT_MM = 30.0
 HOLE_DIAMETER_MM = 3.2

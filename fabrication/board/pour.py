@@ -64,7 +64,7 @@ def _mask(board: Board, raster: Raster, layer: int) -> BoolArray:
     holes = [(_disc(hole.x, hole.y, hole.diameter_mm), HOLE_MM - CLEARANCE_MM) for hole in board.holes]
     seeds = np.zeros_like(free)
     for pad, grown in (*tracks, *vias, *pads, *holes):
-        reach = grown + CLEARANCE_MM + HALF_STEP_MM
+        reach = grown + CLEARANCE_MM + HALF_STEP_MM + 2 * SEAM_MM
         area, distance = raster.pad_distance(pad, reach)
         if pad.net == GROUND:
             seeds[area] |= distance <= 0.0

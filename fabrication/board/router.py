@@ -44,9 +44,9 @@ RASTER_MM = 0.25
 HALF_STEP_MM = RASTER_MM * math.sqrt(0.5)
 CROSSING = 300
 """Cost of a place that another net's track occupies."""
-LEARNT = 50
+LEARNT = 100
 """Further cost of the place, each time that a track was removed there."""
-SEARCHES_EACH = 12
+SEARCHES_EACH = 4
 """Searches for each connection before no track is removed any more."""
 DRILL_APART_MM = 0.25
 """Least distance between the edges of two holes [mm]."""
@@ -327,6 +327,7 @@ class Router:
             size = self.raster.layer_size
             degree = Counter(place for step in steps for place in step)
             ends = {place for place, count in degree.items() if count != 2}
+            ends.update(place for _, places in net.pads for place in places.tolist())
             spots = sorted({a % size for a, b in steps if a // size != b // size})
             vias += [Via(net=net.name, x=x, y=y) for x, y in map(self.raster.point, spots)]
             for layer in (TOP, BOTTOM):
