@@ -26,7 +26,7 @@ from optopad.design.errors import InputError, ModelScopeError
 from optopad.design.spec import SensorDesign
 from optopad.sims.cache import GatheredLight, folder_fingerprint, light_store
 from optopad.sims.optics.accuracy import LADDER, Accuracy, LightSignals, accuracy_of
-from optopad.sims.optics.engine.general.lower import FormedStack
+from optopad.sims.optics.engine.general.lower import FormedStack, is_block
 from optopad.sims.optics.engine.general.pad import formed_ways
 from optopad.sims.optics.engine.threads import run_each
 from optopad.sims.optics.engine.trace_states import (
@@ -296,7 +296,7 @@ def _tops(
     if len(presses) == 0:
         return
     for surface in pad_surfaces(contact_of(design), presses):
-        yield surface.near, None if scene.form is not None else _smooth_part(surface, scene)
+        yield surface.near, _smooth_part(surface, scene) if is_block(scene) else None
 
 
 def _smooth_part(surface: PadSurface, scene: OpticalScene) -> SmoothField:

@@ -184,7 +184,7 @@ class Tops:
         if self.scene.form is None:
             return stack_tops(_curves(indentations), centres, self.scene, fields)
         check_formed(self.scene, fields)
-        return stack_formed(self.scene, centres, indentations)
+        return stack_formed(self.scene, centres, indentations, fields)
 
     def some(self, groups: IntArray) -> tuple[TopStack | FormedStack, IntArray]:
         """Arrays with the tops of some groups, and the numbers of these groups there."""

@@ -209,7 +209,12 @@ def divided(cells: TopGrid, top: FormedTop) -> tuple[BoolArray, TopGrid]:
     index, size = np.concatenate([one for one, _ in kept]), np.concatenate([one for _, one in kept])
     batch = (index[:, 0] % 2 + 2 * (index[:, 1] % 2)).astype(np.float64)
     return is_divided, TopGrid(
-        pitch_mm=cells.pitch_mm, corner=index * size[:, None], size=size, batch=batch, divided=cells.divided
+        pitch_mm=cells.pitch_mm,
+        corner=index * size[:, None],
+        size=size,
+        batch=batch,
+        divided=cells.divided,
+        chains_every=cells.chains_every,
     )
 
 

@@ -19,10 +19,15 @@ from optopad.sims.optics.engine.general.top import (
     CUPS,
     CYLINDER,
     DEPTH,
+    FIELD_X,
+    FIELD_Y,
     FLAT,
     FORMED_ROW,
+    GRID_X,
+    GRID_Y,
     LOWS,
     MIRRORING,
+    NODE,
     NUMBERS,
     OUTER,
     SKIN,
@@ -32,13 +37,16 @@ from optopad.sims.optics.engine.general.top import (
     empty_grid,
     empty_row,
 )
-from optopad.sims.optics.scene.optical_scene import OpticalScene, PadForm
+from optopad.sims.optics.scene.optical_scene import OpticalScene, PadForm, SmoothField
 from optopad.sims.optics.surface.curves import (
+    CELLS,
     CONTACT_R,
     OUTER_R,
+    PIECE_COLUMNS,
     PIECES,
     REACH,
     SKIRT_R,
+    STEEP,
     check_curve,
     lower_curve,
     lowest_of_pieces_mm,
@@ -79,16 +87,25 @@ class FormedStack:
         return FormedTop(row[:3].copy(), axes, numbers.copy(), table, self.field[state])
 
 
+def is_block(scene: OpticalScene) -> bool:
+    """Whether a scene is a rectangular block with a flat top."""
+    form = scene.form
+    return form is None or (form.top.is_flat and len(form.arcs) == 0 and len(form.walls) == 4)
+
+
 def check_formed(scene: OpticalScene, fields: Sequence[object] | None) -> None:
     """Refuse fields and smooth walls on disc and crowned pads: InputError."""
-    if fields is not None and any(field is not None for field in fields):
+    if not is_block(scene) and fields is not None and any(field is not None for field in fields):
         raise InputError("fields: only on a block with a flat top one is traced; leave them out")
     if scene.wall_index is not None:
         raise InputError("wall_index: smooth walls are traced in blocks with a flat top alone")
 
 
 def stack_formed(
-    scene: OpticalScene, centres_mm: FloatArray, presses: Sequence[Indentation | GridTop | None]
+    scene: OpticalScene,
+    centres_mm: FloatArray,
+    presses: Sequence[Indentation | GridTop | None],
+    fields: Sequence[SmoothField | None] | None = None,
 ) -> FormedStack:
     """Convert the states of a disc or crowned pad, each with one press or none, to arrays.
 
@@ -99,6 +116,7 @@ def stack_formed(
         for a grid, which has its own
     presses : for each state a press or a grid, or None if untouched; heights are measured from the untouched top, along
         the normal at the location
+    fields : for each state a smooth height to add, or None; only for blocks
 
     Raises
     ------
@@ -121,6 +139,9 @@ def stack_formed(
         else:
             check_place(scene, state, centre, press)
             top = formed_top(scene, centre, press)
+            if fields is not None and (own := fields[state]) is not None:
+                top = _with_field(scene, top, own)
+                field[state] = top.grid
         packed = np.concatenate([top.origin, top.axes.ravel(), top.numbers, top.row])
         rows[state, : len(packed)] = packed
     return FormedStack(rows=rows, field=field)
@@ -299,6 +320,32 @@ def formed_top(
         row, radii = _lowered(press, mean, scene.height_mm)
         numbers[DEPTH : SKIRT_EDGE + 1] = press.depth_mm, *radii
     return FormedTop(origin, np.ascontiguousarray(axes), numbers, row, empty_grid())
+
+
+def _with_field(scene: OpticalScene, top: FormedTop, field: SmoothField) -> FormedTop:
+    """A pressed flat top with a smooth height added to it, and the bounds of both."""
+    nodes, step = np.asarray(field.nodes), np.asarray(field.step_mm)
+    grid = np.zeros((*nodes.shape[:2], NODE))
+    grid[..., :4] = nodes
+    numbers, row = top.numbers.copy(), top.row.copy()
+    value, along, across, _ = np.moveaxis(nodes, -1, 0)
+    bend = max(
+        float(np.abs(np.diff(slope, axis=axis)).max(initial=0.0) / step[axis])
+        for slope in (along, across)
+        for axis in (0, 1)
+    )
+    over = 0.125 * bend * float(step.max()) ** 2  # of a patch beyond its nodes
+    low = min(float(value.min()) - over, 0.0)
+    steep = float(np.hypot(along, across).max()) + 0.5 * bend * float(step.max())
+    corners = np.array([(x, y) for x in (0.0, scene.length_mm) for y in (0.0, scene.width_mm)])
+    numbers[OUTER] = np.hypot(*(corners - top.origin[:2]).T).max() + 1e-6
+    numbers[DEPTH] -= low
+    numbers[[GRID_X, GRID_Y]] = np.asarray(field.origin_mm) - top.origin[:2]
+    numbers[[FIELD_X, FIELD_Y]] = step
+    row[LOWS:CUPS] += low
+    row[CUPS:FORMED_ROW] += 2.0 * bend
+    row[PIECES + STEEP + PIECE_COLUMNS * np.arange(CELLS)] += steep
+    return top._replace(numbers=numbers, row=row, grid=grid)
 
 
 def _crown_numbers(top: Top) -> tuple[float, float, float]:

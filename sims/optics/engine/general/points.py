@@ -7,7 +7,8 @@ has one point, at the same relative position, and belongs to one of four batches
 colours.
 
 Light that a flat or cylindrical top mirrors several times is faint and varies slowly. It is followed through every
-fourth point of the grid and every second point of the rings, which represent the others. A sphere focuses such light,
+fourth point of the grid and every second point of the rings, which represent the others; between parts that look up,
+through fewer. A sphere focuses such light,
 so every point is used.
 """
 
@@ -42,6 +43,8 @@ RINGS_TO_SKIRT, RINGS_TO_CONTACT = 1.3, 2.0
 MOST_RINGS_TO_CONTACT = 4.0
 """Largest outer radius of the rings, relative to the contact radius. A dome's top is steep again near its wall, but
 there the grid is as good with fewer points."""
+CHAINS_EVERY, CHAINS_EVERY_UP = 2, 8
+"""`TopGrid.chains_every`, and its value if all parts look up: light that a flat top mirrored once goes down to them."""
 GOLDEN = 0.6180339887498949
 
 
@@ -56,6 +59,7 @@ class TopGrid:
     size : (n,) size of each cell [mm]
     batch : (n,) batch of each cell's point, 0 to 3
     divided : (columns, rows) mask of the original grid's cells that were divided
+    chains_every : light mirrored several times is followed through one cell in so many in each direction of a batch
     """
 
     pitch_mm: float
@@ -63,6 +67,7 @@ class TopGrid:
     size: FloatArray
     batch: FloatArray
     divided: BoolArray
+    chains_every: int = 2
 
     @cached_property
     def is_part(self) -> BoolArray:
@@ -139,7 +144,10 @@ def top_grid(scene: OpticalScene, windows: FloatArray, pitch_mm: float) -> TopGr
         kept.append((whole * size, np.full(len(whole), size), batch))
         index, size = quartered(index[is_large]), size / 2.0
     corner, sizes, batches = (np.concatenate(parts) for parts in zip(*kept, strict=True))
-    return TopGrid(pitch_mm=pitch_mm, corner=corner, size=sizes, batch=batches, divided=divided)
+    every = CHAINS_EVERY_UP if (windows[:, NZ] == -1.0).all() else CHAINS_EVERY
+    return TopGrid(
+        pitch_mm=pitch_mm, corner=corner, size=sizes, batch=batches, divided=divided, chains_every=every
+    )
 
 
 def quartered(index: IntArray) -> IntArray:
@@ -185,14 +193,14 @@ def points_of(
         batch=grid.batch[inside],
         cell=np.flatnonzero(inside),
         is_part=grid.is_part[inside],
-        chains=np.ones(len(x)) if all_chains else _every_fourth(grid)[inside],
+        chains=np.ones(len(x)) if all_chains else _stands_for(grid)[inside],
     )
 
 
-def _every_fourth(grid: TopGrid) -> FloatArray:
-    """(n,) number of points that each point represents: 4 in every second cell of a batch in each direction, else 0."""
+def _stands_for(grid: TopGrid) -> FloatArray:
+    """(n,) number of points that each point represents for light mirrored several times; 0 for most."""
     number = np.round(grid.corner / grid.size[:, None]).astype(np.int64) // 2
-    return np.where((number % 2 == 0).all(axis=1), 4.0, 0.0)
+    return np.where((number % grid.chains_every == 0).all(axis=1), float(grid.chains_every**2), 0.0)
 
 
 def ring_zone_mm(top: FormedTop) -> tuple[float, float]:

@@ -25,6 +25,9 @@ at most `STEP_MM`, less where the gap is small, are tested only at their ends. S
 radius a may be missed; it is STEP_MM² / 8a deep, 4 µm for a = 3 mm. Newton's rule within the step finds the point where
 the ray comes out.
 
+In a block, the walls make d more than radial: a smooth field, of bicubic patches, is added to it, and its bounds to
+those of the table.
+
 On a grid of heights d is a bicubic patch in each cell (`grid`). Rays pass blocks of cells below whose lowest d they
 stay, and are tested once per cell elsewhere. So a chord through the top within a cell of size s may be missed: at a
 curvature κ it is κ s² / 8 deep, 4 µm for 0.2 mm and an edge of radius 1.25 mm.
@@ -71,8 +74,22 @@ curve outward."""
 FORMED_ROW = CUPS + CELLS
 FLAT, SPHERE, CYLINDER = 0.0, 1.0, 2.0
 # numbers of a top
-KIND, RADIUS, MEAN, DEPTH, OUTER, CONTACT_EDGE, SKIRT_EDGE, GRID_X, GRID_Y, GRID_STEP, SKIN = range(11)
-NUMBERS = 11
+(
+    KIND,
+    RADIUS,
+    MEAN,
+    DEPTH,
+    OUTER,
+    CONTACT_EDGE,
+    SKIRT_EDGE,
+    GRID_X,
+    GRID_Y,
+    GRID_STEP,
+    SKIN,
+    FIELD_X,
+    FIELD_Y,
+) = range(13)
+NUMBERS = 13
 BARE, MIRRORING = 0.0, -1.0
 """Values of `SKIN` without a skin and with one that mirrors; that of one that scatters is its reflectance."""
 # values at a node of a grid
@@ -89,15 +106,17 @@ class FormedTop(NamedTuple):
     ----------
     origin : (3,) origin of press coordinates, in cavity coordinates [mm]
     axes : (3, 3) axes of press coordinates, one per table row [-]
-    numbers : (11,) type of crown (flat, sphere or cylinder); its radius and the mean crown's radius (0 if flat) [mm];
+    numbers : (13,) type of crown (flat, sphere or cylinder); its radius and the mean crown's radius (0 if flat) [mm];
         depth of the press; radius beyond which d is 0; contact radius; skirt radius, within which a reflection counts
         as the skirt's [mm]; x and y of the grid's first node, and distance of its nodes [mm]. The last seven are 0 if
-        untouched, the last three if d is radial. Then the skin: `BARE`, `MIRRORING`, or the share that it scatters
+        untouched, the last three if d is radial. Then the skin: `BARE`, `MIRRORING`, or the share that it scatters;
+        and the distances of a field's nodes along x and y [mm], 0 without a field
     row : (`FORMED_ROW`,) radial table of d (`optopad.sims.optics.surface.curves`), then lowest heights, then largest
         cups; of a grid, only the bounds from each radius outward are used; if untouched, a single 0
     grid : (nx, ny, `NODE`) values at the nodes of a grid: d, its slopes along x and y, its mixed derivative; level of
         the contact, above 0 inside; 1 in the skirt, else 0; number of the contact's patch; and, at node (i, j), the
-        lowest d in the block of cells (i, j), which spans `BLOCK` cells each way. If d is radial, a single node
+        lowest d in the block of cells (i, j), which spans `BLOCK` cells each way. If d is radial, a single node, or the
+        values and slopes of a smooth field that is added to it
     """
 
     origin: FloatArray
@@ -164,22 +183,26 @@ def dimple(top: FormedTop, x: float, y: float) -> tuple[float, float, float]:
     r2 = x * x + y * y
     if r2 >= top.numbers[OUTER] * top.numbers[OUTER]:
         return 0.0, 0.0, 0.0
-    if top.numbers[GRID_STEP] > 0.0:
-        return _on_grid(top, x, y)
+    step = top.numbers[GRID_STEP]
+    if step > 0.0:
+        return _on_grid(top, x, y, step, step)
     value, turned = height_and_slope(r2, top.row)
     mean = top.numbers[MEAN]
     if r2 <= top.row[SPHERE_2] and mean > 0.0:
         root = math.sqrt(max(mean * mean - r2, 1e-12))
         value += r2 / (mean + root)
         turned += 1.0 / root
-    return value, turned * x, turned * y
+    if top.numbers[FIELD_X] == 0.0:
+        return value, turned * x, turned * y
+    more, along, across = _on_grid(top, x, y, top.numbers[FIELD_X], top.numbers[FIELD_Y])
+    return value + more, turned * x + along, turned * y + across
 
 
 @kernel
-def _on_grid(top: FormedTop, x: float, y: float) -> tuple[float, float, float]:
-    """Height d [mm] and its slopes [-] on a grid: the bicubic Hermite patch of the cell; 0 beyond the grid."""
-    grid, step = top.grid, top.numbers[GRID_STEP]
-    s, t = (x - top.numbers[GRID_X]) / step, (y - top.numbers[GRID_Y]) / step
+def _on_grid(top: FormedTop, x: float, y: float, step: float, step_y: float) -> tuple[float, float, float]:
+    """Height [mm] and its slopes [-] on a grid: the bicubic Hermite patch of the cell; 0 beyond the grid."""
+    grid = top.grid
+    s, t = (x - top.numbers[GRID_X]) / step, (y - top.numbers[GRID_Y]) / step_y
     if s < 0.0 or t < 0.0 or s >= grid.shape[0] - 1 or t >= grid.shape[1] - 1:
         return 0.0, 0.0, 0.0
     i, j = int(s), int(t)
@@ -194,8 +217,8 @@ def _on_grid(top: FormedTop, x: float, y: float) -> tuple[float, float, float]:
         for b in range(2):
             q = t if b == 0 else 1.0 - t
             turn = 1.0 if b == 0 else -1.0
-            h, k = (1.0 + 2.0 * q) * (1.0 - q) * (1.0 - q), turn * step * q * (1.0 - q) * (1.0 - q)
-            dh, dk = turn * -6.0 * q * (1.0 - q) / step, (1.0 - q) * (1.0 - 3.0 * q)
+            h, k = (1.0 + 2.0 * q) * (1.0 - q) * (1.0 - q), turn * step_y * q * (1.0 - q) * (1.0 - q)
+            dh, dk = turn * -6.0 * q * (1.0 - q) / step_y, (1.0 - q) * (1.0 - 3.0 * q)
             node = grid[i + a, j + b]
             here, slope = h * node[VALUE] + k * node[ALONG_Y], h * node[ALONG_X] + k * node[TWIST]
             value += f * here + g * slope

@@ -19,7 +19,7 @@ mirrored light. `change_error` leaves out what cancels in the difference of two 
 all states share, and the error of fixed rules, which is the same share of equal changes. No error covers light
 scattered more than once that the dimple obstructs.
 
-This model leaves out smooth walls, fields and folds. Several tips are traced on a grid of heights.
+This model leaves out smooth walls and folds. Several tips are traced on a grid of heights.
 """
 
 from __future__ import annotations
@@ -47,6 +47,8 @@ from optopad.sims.optics.engine.general.rays import AREA, CZ, HALF_V, VZ
 from optopad.sims.optics.engine.general.top import (
     CONTACT_EDGE,
     DEPTH,
+    FIELD_X,
+    FIELD_Y,
     FLAT,
     GRID_STEP,
     KIND,
@@ -239,5 +241,5 @@ def _scattered(ways: FormedWays, top: FormedTop, wanted: BoolArray) -> tuple[Flo
 def _without_press(top: FormedTop) -> FormedTop:
     """The untouched top in the coordinates of a press."""
     numbers = top.numbers.copy()
-    numbers[[DEPTH, OUTER, CONTACT_EDGE, SKIRT_EDGE, GRID_STEP]] = 0.0
+    numbers[[DEPTH, OUTER, CONTACT_EDGE, SKIRT_EDGE, GRID_STEP, FIELD_X, FIELD_Y]] = 0.0
     return top._replace(numbers=numbers, row=empty_row(), grid=empty_grid())
