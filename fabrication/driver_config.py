@@ -62,7 +62,7 @@ TABLE_COMMENTS = {
     "memory": "share of a press's signal change that is left after its release, and time until half of that is left",
     "gain": "counts if one receiver received an emitter's total power (median; each); absent if not simulated",
     "states": "in order: the emitter that is lit alone; empty: all off",
-    "emitters": "active_mm: emitting area along the wall and upward; normal points into the cavity",
+    "emitters": "active_mm: width and height of the emitting area; normal: direction in which it looks",
     "expected": "simulated untouched pad: one row per emitter, one column per receiver; absent if not simulated",
     "receivers": "column: index within a state's readings; channel_number: index among the board's channels, or the "
     "converter's number",

@@ -12,7 +12,7 @@ The drawn paths are samples (`optopad.sims.rays`). The powers in the legend come
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -110,7 +110,7 @@ def cut_across(cavity: CavityGeometry, part: PlacedPart) -> Cut:
     """The cross-section from a component straight across to the opposite wall; on the floor, through the component."""
     x, y, _ = part.position_mm
     if part.is_on_floor:
-        return replace(cut_through(cavity, x, y), name=f"through {part.name}")
+        return cut_through(cavity, x, y)
     right, up = part.line.outward
     far = cavity.plan.outline.way_out_mm((x, y), (-right, -up))
     end = (x - far * right, y - far * up)

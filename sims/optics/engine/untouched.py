@@ -112,7 +112,7 @@ def untouched_pad(scene: OpticalScene, settings: Accuracy, seed: int) -> Untouch
 
 def _content_of(value: object) -> str:
     """A field of a scene as text; different values have different texts."""
-    if value is None or isinstance(value, PadForm):
+    if value is None or isinstance(value, PadForm | str):
         return repr(value)
     return np.asarray(value, dtype=np.float64).tobytes().hex()
 

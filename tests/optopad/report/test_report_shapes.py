@@ -122,9 +122,14 @@ def test_bodies_of_parts_stand_behind_their_facets(design, tmp_path):
         outward = [part.line.along_and_outward_mm(x, y)[1] for x, y, _ in corners]
         assert min(outward) == pytest.approx(0.0, abs=1e-9)
         assert max(outward) == pytest.approx(part.part.body_depth_mm.value)
-        base = np.array(corners[:4])[:, :2]
-        x, y = base.T
-        assert np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) > 0.0  # counter-clockwise
+        for behind, place in enumerate((np.array(corners[4:]), np.array(corners[:4]))):
+            turn = np.cross(
+                place[1] - place[0], place[2] - place[1]
+            )  # counter-clockwise, seen from the front
+            assert turn / np.linalg.norm(turn) == pytest.approx(part.axis)
+            assert (place - part.position_mm) @ part.axis == pytest.approx(
+                -behind * part.part.body_depth_mm.value
+            )
 
 
 @pytest.mark.slow
