@@ -1,4 +1,4 @@
-"""Light of one chip in the floor of a clear block, by a random walk of its own: `python -m tests.validation.light.vcnl_table`.
+"""Light of one chip in the floor of a clear block, by a random walk of its own (`tests.validation.light.vcnl_table`).
 
 The walk shares no code with the engine. A box of clear silicone stands on a board, which scatters its share of the
 light to all sides; the top reflects by Fresnel's equations for unpolarised light. The sides scatter as the board does
@@ -11,7 +11,7 @@ top (next-event estimation), so nearly every ray counts. Bare sides multiply the
 `IMAGES` reflections along x and along y: one random image stands for all of them. Light goes back and forth between
 cover and top without moving sideways: the gap is thin.
 
-The walk leaves out absorption and the chip's body.
+The walk leaves out the chip's body.
 """
 
 from __future__ import annotations
@@ -38,6 +38,7 @@ class Block:
     ----------
     size : length, width and height of the block
     index : of the block; 1 for a chip in air, under a cover that is `wet`
+    absorption : of the block [1/mm]
     cover : "bare", "wet" (a white layer on the top) or "gap" (a white plane over a thin gap of air)
     floor, white : shares of the light that floor and cover scatter [-]
     wall : share that the sides scatter [-]; None for bare sides
@@ -47,6 +48,7 @@ class Block:
 
     size: tuple[float, float, float]
     index: float
+    absorption: float = 0.0
     cover: str = "bare"
     floor: float = 0.0
     wall: float | None = 0.0
@@ -134,9 +136,7 @@ def received(
     random = walk.random
     turn, cosine = 2.0 * np.pi * random.random(rays), pattern.drawn(random.random(rays))
     sine = np.sqrt(1.0 - cosine**2)
-    walk.place[:, :2] = (
-        np.array(block.emitter) + (random.random((rays, 2)) - 0.5) * block.emitter_width
-    )
+    walk.place[:, :2] = np.array(block.emitter) + (random.random((rays, 2)) - 0.5) * block.emitter_width
     walk.way = np.column_stack([sine * np.cos(turn), sine * np.sin(turn), cosine])
     walk.mirrored(np.arange(rays), pattern.at, 0)
     for bounce in range(1, LAST_BOUNCE + 1):
@@ -172,6 +172,7 @@ class _Walk:
         time = times[np.arange(len(live)), axis]
         up = way[np.arange(len(live)), axis] > 0.0
         self.place[live] = np.clip(place + way * time[:, None], 0.0, size)
+        self.weight[live] *= np.exp(-block.absorption * time)
         at_top, at_floor = (axis == 2) & up, (axis == 2) & ~up
         self._meet_top(live[at_top], bounce)
         self._meet_floor(live[at_floor], bounce)
@@ -205,9 +206,7 @@ class _Walk:
         self.weight[rays] *= (1.0 - fresnel(outer, 1.0, block.index)) / (1.0 - self.back)
         sine = np.sqrt(1.0 - outer**2) / block.index
         turn = 2.0 * np.pi * self.random.random(len(rays))
-        self.way[rays] = np.column_stack(
-            [sine * np.cos(turn), sine * np.sin(turn), -np.sqrt(1.0 - sine**2)]
-        )
+        self.way[rays] = np.column_stack([sine * np.cos(turn), sine * np.sin(turn), -np.sqrt(1.0 - sine**2)])
 
     def _entering(self, cosine: FloatArray) -> FloatArray:
         """Intensity of light from a Lambertian cover in air that has entered the block, by the cosine inside [1/sr]."""
@@ -258,7 +257,9 @@ class _Walk:
         image = target.copy()
         image[:, :2] = order * size + np.where(order % 2 == 0, target[:, :2], size - target[:, :2])
         path = image - self.place[rays]
-        path[:, 2] = np.where(self.place[rays, 2] > self.block.size[2] / 2, path[:, 2], 2.0 * self.block.size[2])
+        path[:, 2] = np.where(
+            self.place[rays, 2] > self.block.size[2] / 2, path[:, 2], 2.0 * self.block.size[2]
+        )
         cosines = np.abs(path[:, :2]) / np.linalg.norm(path, axis=1)[:, None]
         sides = fresnel(cosines, self.block.index, 1.0) ** np.abs(order)
         yield image, len(_ALL) * sides.prod(axis=1)
@@ -298,6 +299,6 @@ class _Walk:
         leaving, arriving = path @ normal / length, np.abs(path[:, 2]) / length
         area = self.block.receiver_width**2
         light = self.weight[rays] * factor * intensity(leaving) * arriving * area / square
-        light = light * self.response(arriving)
+        light = light * self.response(arriving) * np.exp(-self.block.absorption * length)
         self.counted[rays] += light
         self.by_bounce[bounce] += light.sum()
