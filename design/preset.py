@@ -19,7 +19,9 @@ SHAPED_PRESETS = ("levi2013-disc", "crowned-40x25", "fingertip-dome", "gripper-s
 """Disc, stadium and crowned pads."""
 BOARD_PRESETS = ("gripper-teensy", "roboy-lightskin")
 """A rectangle and a disc that do not have the usual electronics (one input per receiver, which is read once)."""
-PRESETS = FLAT_PRESETS + SHAPED_PRESETS + BOARD_PRESETS
+FLOOR_PRESETS = ("disco-patch", "board-pad")
+"""Pads whose parts stand on a circuit board below them, under a skin."""
+PRESETS = FLAT_PRESETS + SHAPED_PRESETS + BOARD_PRESETS + FLOOR_PRESETS
 
 
 def preset_text(name: str) -> str:

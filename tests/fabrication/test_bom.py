@@ -111,14 +111,21 @@ def test_a_base_current_that_a_pin_cannot_give_is_noticed() -> None:
 @pytest.mark.parametrize("name", PRESETS)
 def test_the_bill_counts_every_part_once(name: str) -> None:
     design = preset(name)
-    cavity, rows = cavity_of(design), rows_of(design)
+    cavity, rows, circuit = cavity_of(design), rows_of(design), Circuit.of(design)
     references = [reference for row in rows for reference in row["references"].split()]
     assert len(set(references)) == len(references)
-    assert [r for r in references if "-" not in r] == [part.name for part in cavity.parts]
+    chips = {
+        path.pin.partition("-")[0] for path in (*circuit.receivers, *circuit.emitters) if "-" in path.pin
+    }
+    couplers = {part.coupler for part in cavity.parts} - {None}
+    once = [f"OC{k}" for k in range(1, len(couplers) + 1)] + [
+        p.name for p in cavity.parts if p.coupler is None
+    ]
+    assert [r for r in references if "-" not in r and r not in chips] == once
     for one in rows:
         if one["references"]:
             assert float(one["quantity"]) == len(one["references"].split())
-    for mark in ("Q", "RB", "RS"):
+    for mark in ("Q", "RB", "RS") if circuit.led_driver is None else ():
         assert [r for r in references if r.endswith(f"-{mark}")] == [
             f"{p.name}-{mark}" for p in cavity.emitters
         ]

@@ -1,4 +1,4 @@
-"""Light of one chip in the floor of a clear block, by a random walk of its own: `python -m tests.validation.light.vcnl_table`.
+"""Light of one chip in the floor of a clear block, by a random walk of its own (`tests.validation.light.vcnl_table`).
 
 The walk shares no code with the engine. A box of clear silicone stands on a board, which scatters its share of the
 light to all sides; the top reflects by Fresnel's equations for unpolarised light. The sides scatter as the board does
@@ -11,7 +11,7 @@ top (next-event estimation), so nearly every ray counts. Bare sides multiply the
 `IMAGES` reflections along x and along y: one random image stands for all of them. Light goes back and forth between
 cover and top without moving sideways: the gap is thin.
 
-The walk leaves out absorption and the chip's body.
+The walk leaves out the chip's body.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ import numpy as np
 from optopad.design.arrays import FloatArray
 
 LAST_WEIGHT, LAST_BOUNCE = 1e-4, 400
-IMAGES = 3
+IMAGES, ORDERS = 3, 8
 _ALL = [(i, j) for i in range(-IMAGES, IMAGES + 1) for j in range(-IMAGES, IMAGES + 1) if (i, j) != (0, 0)]
 Angular = Callable[[FloatArray], FloatArray]
 """Values by the cosine of the angle to a face's normal."""
@@ -38,6 +38,7 @@ class Block:
     ----------
     size : length, width and height of the block
     index : of the block; 1 for a chip in air, under a cover that is `wet`
+    absorption : of the block [1/mm]
     cover : "bare", "wet" (a white layer on the top) or "gap" (a white plane over a thin gap of air)
     floor, white : shares of the light that floor and cover scatter [-]
     wall : share that the sides scatter [-]; None for bare sides
@@ -47,6 +48,7 @@ class Block:
 
     size: tuple[float, float, float]
     index: float
+    absorption: float = 0.0
     cover: str = "bare"
     floor: float = 0.0
     wall: float | None = 0.0
@@ -128,23 +130,21 @@ def received(
 
     Returns
     -------
-    share, standard error [-], (LAST_BOUNCE + 1,) share that arrives after 0, 1, ... scatterings
+    share, standard error [-], (ORDERS,) share that arrives after 0, 1, ... scatterings, the last one: or more
     """
     walk = _Walk(block, response, np.random.default_rng(seed), rays)
     random = walk.random
     turn, cosine = 2.0 * np.pi * random.random(rays), pattern.drawn(random.random(rays))
     sine = np.sqrt(1.0 - cosine**2)
-    walk.place[:, :2] = (
-        np.array(block.emitter) + (random.random((rays, 2)) - 0.5) * block.emitter_width
-    )
+    walk.place[:, :2] = np.array(block.emitter) + (random.random((rays, 2)) - 0.5) * block.emitter_width
     walk.way = np.column_stack([sine * np.cos(turn), sine * np.sin(turn), cosine])
-    walk.mirrored(np.arange(rays), pattern.at, 0)
-    for bounce in range(1, LAST_BOUNCE + 1):
+    walk.mirrored(np.arange(rays), pattern.at)
+    for _ in range(LAST_BOUNCE):
         if not len(walk.alive):
             break
-        walk.step(bounce)
+        walk.step()
     mean = walk.counted.mean()
-    return float(mean), float(walk.counted.std() / np.sqrt(rays)), walk.by_bounce / rays
+    return float(mean), float(walk.counted.std() / np.sqrt(rays)), walk.by_order / rays
 
 
 def _lambertian(cosine: FloatArray) -> FloatArray:
@@ -159,10 +159,10 @@ class _Walk:
         self.place, self.way = np.zeros((rays, 3)), np.zeros((rays, 3))
         self.weight, self.counted = np.ones(rays), np.zeros(rays)
         self.alive = np.arange(rays)
-        self.by_bounce = np.zeros(LAST_BOUNCE + 1)
+        self.order, self.by_order = np.zeros(rays, dtype=np.int64), np.zeros(ORDERS)
         self.back = outside_reflectance(block.index) if block.index > 1.0 else 0.0
 
-    def step(self, bounce: int) -> None:
+    def step(self) -> None:
         """Trace every ray to its next face, mirror it at the top, or scatter it."""
         block, size, live = self.block, np.array(self.block.size), self.alive
         place, way = self.place[live], self.way[live]
@@ -172,9 +172,10 @@ class _Walk:
         time = times[np.arange(len(live)), axis]
         up = way[np.arange(len(live)), axis] > 0.0
         self.place[live] = np.clip(place + way * time[:, None], 0.0, size)
+        self.weight[live] *= np.exp(-block.absorption * time)
         at_top, at_floor = (axis == 2) & up, (axis == 2) & ~up
-        self._meet_top(live[at_top], bounce)
-        self._meet_floor(live[at_floor], bounce)
+        self._meet_top(live[at_top])
+        self._meet_floor(live[at_floor])
         for k in (0, 1):
             if block.wall is None:
                 met = live[axis == k]
@@ -182,13 +183,13 @@ class _Walk:
                 self.way[met, k] *= -1.0
                 continue
             for side in (False, True):
-                self._scatter(live[(axis == k) & (up == side)], block.wall, k, -1.0 if side else 1.0, bounce)
+                self._scatter(live[(axis == k) & (up == side)], block.wall, k, -1.0 if side else 1.0)
         self.alive = live[self.weight[live] > LAST_WEIGHT]
 
-    def _meet_top(self, rays: np.ndarray, bounce: int) -> None:
+    def _meet_top(self, rays: np.ndarray) -> None:
         block = self.block
         if block.cover == "wet":
-            self._scatter(rays, block.white, 2, -1.0, bounce)
+            self._scatter(rays, block.white, 2, -1.0)
             return
         mirrors = fresnel(self.way[rays, 2], block.index, 1.0)
         if block.cover == "bare":
@@ -200,14 +201,13 @@ class _Walk:
         rays = rays[~mirrored]
         # the cover and the top's outer side reflect in turn: 1 + white back + (white back)^2 ...
         self.weight[rays] *= block.white * (1.0 - self.back) / (1.0 - block.white * self.back)
-        self._straight(rays, self._entering, bounce)
+        self.order[rays] += 1
+        self._straight(rays, self._entering)
         outer = np.sqrt(self.random.random(len(rays)))
         self.weight[rays] *= (1.0 - fresnel(outer, 1.0, block.index)) / (1.0 - self.back)
         sine = np.sqrt(1.0 - outer**2) / block.index
         turn = 2.0 * np.pi * self.random.random(len(rays))
-        self.way[rays] = np.column_stack(
-            [sine * np.cos(turn), sine * np.sin(turn), -np.sqrt(1.0 - sine**2)]
-        )
+        self.way[rays] = np.column_stack([sine * np.cos(turn), sine * np.sin(turn), -np.sqrt(1.0 - sine**2)])
 
     def _entering(self, cosine: FloatArray) -> FloatArray:
         """Intensity of light from a Lambertian cover in air that has entered the block, by the cosine inside [1/sr]."""
@@ -215,26 +215,27 @@ class _Walk:
         passes = 1.0 - fresnel(np.maximum(cosine, 0.0), index, 1.0)
         return index**2 * passes * _lambertian(cosine) / (1.0 - self.back)
 
-    def _meet_floor(self, rays: np.ndarray, bounce: int) -> None:
+    def _meet_floor(self, rays: np.ndarray) -> None:
         off = np.abs(self.place[rays, :2] - np.array(self.block.receiver)).max(axis=1)
         inside = off <= self.block.receiver_width / 2
         self.weight[rays[inside]] = 0.0
-        self._scatter(rays[~inside], self.block.floor, 2, 1.0, bounce)
+        self._scatter(rays[~inside], self.block.floor, 2, 1.0)
 
-    def _scatter(self, rays: np.ndarray, share: float, axis: int, sign: float, bounce: int) -> None:
+    def _scatter(self, rays: np.ndarray, share: float, axis: int, sign: float) -> None:
         """Scatter rays at a Lambertian face whose inward normal points along `axis`."""
         if not len(rays):
             return
         self.weight[rays] *= share
+        self.order[rays] += 1
         if axis != 2:
             normal = np.zeros(3)
             normal[axis] = sign
-            self._straight(rays, _lambertian, bounce, normal)
-            self.mirrored(rays, _lambertian, bounce, normal)
+            self._straight(rays, _lambertian, normal)
+            self.mirrored(rays, _lambertian, normal)
         elif sign < 0.0:
-            self._straight(rays, _lambertian, bounce)
+            self._straight(rays, _lambertian)
         else:
-            self.mirrored(rays, _lambertian, bounce)
+            self.mirrored(rays, _lambertian)
         cosine, turn = np.sqrt(self.random.random(len(rays))), 2.0 * np.pi * self.random.random(len(rays))
         sine = np.sqrt(1.0 - cosine**2)
         way = np.empty((len(rays), 3))
@@ -258,22 +259,20 @@ class _Walk:
         image = target.copy()
         image[:, :2] = order * size + np.where(order % 2 == 0, target[:, :2], size - target[:, :2])
         path = image - self.place[rays]
-        path[:, 2] = np.where(self.place[rays, 2] > self.block.size[2] / 2, path[:, 2], 2.0 * self.block.size[2])
+        path[:, 2] = np.where(
+            self.place[rays, 2] > self.block.size[2] / 2, path[:, 2], 2.0 * self.block.size[2]
+        )
         cosines = np.abs(path[:, :2]) / np.linalg.norm(path, axis=1)[:, None]
         sides = fresnel(cosines, self.block.index, 1.0) ** np.abs(order)
         yield image, len(_ALL) * sides.prod(axis=1)
 
-    def _straight(
-        self, rays: np.ndarray, intensity: Angular, bounce: int, normal: FloatArray | None = None
-    ) -> None:
+    def _straight(self, rays: np.ndarray, intensity: Angular, normal: FloatArray | None = None) -> None:
         """Count light from places above the floor straight to the receiver."""
         down = np.array([0.0, 0.0, -1.0]) if normal is None else normal
         for target, share in self._targets(rays):
-            self._count(rays, target - self.place[rays], intensity, down, bounce, share)
+            self._count(rays, target - self.place[rays], intensity, down, share)
 
-    def mirrored(
-        self, rays: np.ndarray, intensity: Angular, bounce: int, normal: FloatArray | None = None
-    ) -> None:
+    def mirrored(self, rays: np.ndarray, intensity: Angular, normal: FloatArray | None = None) -> None:
         """Count light that reaches the receiver by the mirroring top."""
         if self.block.cover == "wet" or self.block.index <= 1.0:
             return
@@ -282,7 +281,7 @@ class _Walk:
             target[:, 2] = 2.0 * self.block.size[2]
             path = target - self.place[rays]
             top = fresnel(path[:, 2] / np.linalg.norm(path, axis=1), self.block.index, 1.0)
-            self._count(rays, path, intensity, up, bounce, share * top)
+            self._count(rays, path, intensity, up, share * top)
 
     def _count(
         self,
@@ -290,14 +289,13 @@ class _Walk:
         path: FloatArray,
         intensity: Angular,
         normal: FloatArray,
-        bounce: int,
-        factor: FloatArray | float = 1.0,
+        factor: FloatArray,
     ) -> None:
         square = (path**2).sum(axis=1)
         length = np.sqrt(square)
         leaving, arriving = path @ normal / length, np.abs(path[:, 2]) / length
         area = self.block.receiver_width**2
         light = self.weight[rays] * factor * intensity(leaving) * arriving * area / square
-        light = light * self.response(arriving)
+        light = light * self.response(arriving) * np.exp(-self.block.absorption * length)
         self.counted[rays] += light
-        self.by_bounce[bounce] += light.sum()
+        self.by_order += np.bincount(np.minimum(self.order[rays], ORDERS - 1), light, ORDERS)
