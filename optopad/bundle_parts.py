@@ -181,9 +181,10 @@ def write_fabrication(
     mold_mm3: float,
     prices: Mapping[PriceKey, Price] | None = None,
 ) -> tuple[BomRow, ...]:
-    """Write sheets and firmware; return the rows of the bill of materials."""
+    """Write sheets, circuit board and firmware; return the rows of the bill of materials."""
     from optopad.design.circuit.circuit import Circuit
     from optopad.design.pad import Pad
+    from optopad.fabrication.board import board_gaps, board_of, write_board
     from optopad.fabrication.sheets.all_sheets import write_sheets
     from optopad.fabrication.sheets.bom import bom_rows
     from optopad.fabrication.sheets.prices import priced
@@ -192,6 +193,8 @@ def write_fabrication(
     rows = priced(bom_rows(design, gain, mold_mm3), prices or {})
     (folder / "fabrication").mkdir(exist_ok=True)
     write_sheets(design, folder / "fabrication", gain, rows)
+    if not board_gaps(Circuit.of(design), gain):  # a chip whose pins are not known
+        write_board(board_of(design, gain), folder / "fabrication" / "board")
     if not firmware_gaps(Circuit.of(design)):  # a board that cannot be programmed has its warning
         write_sketch(firmware_settings(Pad.of(design)), folder / "fabrication" / "firmware")
     return rows

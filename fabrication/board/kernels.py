@@ -34,8 +34,10 @@ def _ahead(row: int, column: int, goal_box: IntArray) -> int:
 def cheapest_path(
     owners: IntArray, counts: IntArray, sums: IntArray, learnt: IntArray, drills: IntArray, net: int, crossing: int,
     starts: IntArray, is_goal: BoolArray, goal_box: IntArray, best: IntArray, before: IntArray, heads: IntArray,
-) -> IntArray:  # fmt: skip
-    """The cheapest path (A*) from one of the starts to one of the goals, as indices of places; empty if there is none.
+) -> tuple[IntArray, int]:  # fmt: skip
+    """The cheapest path (A*) from one of the starts to one of the goals, and the number of places that were considered.
+
+    The path is the indices of its places; it is empty if there is none.
 
     Parameters
     ----------
@@ -137,4 +139,4 @@ def cheapest_path(
     for place in places:
         best[place] = NEVER
     heads[:] = -1
-    return path
+    return path, len(places)

@@ -171,7 +171,9 @@ def floor_part(part: PlacedPart, reference: str, anode: str, cathode: str) -> Fo
         pads = tuple(_pad(row, nets, middle, angle) for row in surface_pads(entry))
     ordered = order_of((part.part_id,))
     note = (
-        "" if own else f"{part.part_id}: its pads and polarity are assumed from its size; see its data sheet"
+        own.get("note", "")
+        if own
+        else f"{part.part_id}: its pads and polarity are assumed from its size; see its data sheet"
     )
     return Footprint(
         reference=reference, value=entry.title, package=part.part_id, x=middle[0], y=middle[1], angle_deg=angle,

@@ -51,6 +51,8 @@ HOLE_DIAMETER_MM = 3.2
 HOLE_INSET_MM = 4.0
 HEADER_LABEL_MM = 4.5
 """Width of the names on each side of the header [mm]."""
+NAME_MM, PRINT_GAP_MM = 0.8, 0.15
+"""Height of an optical part's name, and its distance from pads [mm]."""
 MANY_PADS = 8
 """Parts with more pads are chips, whose names are printed."""
 NOTE_OF_LAYER = "The parts look into clear silicone: order a black solder mask, which reflects least."
@@ -89,7 +91,9 @@ def placed(design: SensorDesign, gain: SimulatedGain | None = None) -> Board:
     netlist, mold = netlist_of(circuit, gain), outline_of(design)
     optical = tuple(_optical(circuit, netlist, mold))
     centre = mold.plan.centre_mm
-    names = [label for one in optical for label in _names(one, centre)]
+    names = [
+        label for one in optical for label in (_near(one, optical) if one.is_placed else _names(one, centre))
+    ]
     pad = _around([*_corners(optical), *((one.x, one.y) for one in names), *_mold_lines(mold)[1]])
     heights = _heights(optical)
     least = max(pad[3] - pad[1], LEAST_HEIGHT_MM, _header_mm(netlist))
@@ -274,12 +278,27 @@ def _switch_block(group: Group) -> _Block:
     )
 
 
+def _near(one: Footprint, optical: Sequence[Footprint]) -> Iterator[Label]:
+    """Name of a part on the board on the first of its sides where no pad is; left out if there is none."""
+    x0, y0, x1, y1 = _around([*one.body_corners, *_corners([one])])
+    half_x, half_y = text_width_mm(one.reference, NAME_MM) / 2, NAME_MM / 2
+    side_x, side_y = half_x + 0.3, half_y + 0.3
+    middle = (x0 + x1) / 2, (y0 + y1) / 2
+    for x, y in (
+        (middle[0], y0 - side_y),
+        (middle[0], y1 + side_y),
+        (x1 + side_x, middle[1]),
+        (x0 - side_x, middle[1]),
+    ):
+        boxes = (_around(pad.corners) for part in optical for pad in part.pads)
+        gaps = (max(a - x - half_x, x - half_x - c, b - y - half_y, y - half_y - d) for a, b, c, d in boxes)
+        if min(gaps) > PRINT_GAP_MM:
+            yield Label(text=one.reference, x=x, y=y, height_mm=NAME_MM)
+            return
+
+
 def _names(one: Footprint, centre: Point) -> Iterator[Label]:
-    """Name of an optical part: below it, or inside the pad above its leads, or outside its wires with the polarity."""
-    if one.is_placed:
-        corners = [*one.body_corners, *_corners([one])]
-        yield Label(text=one.reference, x=one.x, y=min(y for _, y in corners) - 0.8)
-        return
+    """Name of a part in a wall: inside the pad above its leads, or outside its wires with their polarity."""
     away = one.x - centre[0], one.y - centre[1]
     far = max((away[0] ** 2 + away[1] ** 2) ** 0.5, 1e-6)
     along, across = one.pads[-1].x - one.pads[0].x, one.pads[-1].y - one.pads[0].y

@@ -2,8 +2,8 @@
 
 A place of the raster is free for a net if a track or via there keeps the clearance to all copper of other nets. A path
 may cross tracks of other nets at a high cost; these tracks are then removed and routed again. Each such place becomes
-more expensive, so that nets which compete for it separate. After a fixed number of searches no path may cross others
-any more, and connections without a path are returned as unrouted. The result depends on the board alone.
+more expensive, so that nets which compete for it separate. After a fixed effort no path may cross others any more, and
+connections without a path are returned as unrouted. The result depends on the board alone.
 
 The clearance is kept along the whole step between two places, not only at its ends: distances are larger by what half a
 diagonal step takes off.
@@ -46,8 +46,8 @@ CROSSING = 300
 """Cost of a place that another net's track occupies."""
 LEARNT = 100
 """Further cost of the place, each time that a track was removed there."""
-SEARCHES_EACH = 4
-"""Searches for each connection before no track is removed any more."""
+MOST_EFFORT = 30_000_000
+"""Places that searches consider before no track is removed any more; some 10 s."""
 DRILL_APART_MM = 0.25
 """Least distance between the edges of two holes [mm]."""
 
@@ -159,6 +159,7 @@ class Router:
         self._before = np.empty_like(self._best)
         self._heads = np.full(BUCKETS, -1, dtype=np.int64)
         self._is_goal = np.zeros(len(self._best), dtype=np.bool_)
+        self.effort = 0
         self._block_fixed()
         self._place_pads()
 
@@ -217,12 +218,10 @@ class Router:
             self.nets, key=lambda number: (len(self.nets[number].pads) > 2, lengths[number], number)
         )
         waiting = deque(number for number in order if len(self.nets[number].pads) > 1)
-        budget = SEARCHES_EACH * sum(len(net.pads) - 1 for net in self.nets.values() if net.pads)
-        while waiting and budget:
+        while waiting and self.effort < MOST_EFFORT:
             number = waiting.popleft()
             pieces = self.components(number)
-            while len(pieces) > 1 and budget:
-                budget -= 1
+            while len(pieces) > 1 and self.effort < MOST_EFFORT:
                 path = self._search(number, pieces, may_cross=True)
                 if path is None:
                     break
@@ -250,11 +249,12 @@ class Router:
         rows, columns = np.divmod(goals % self.raster.layer_size, self.raster.columns)
         box = np.array([rows.min(), rows.max(), columns.min(), columns.max()])
         self._is_goal[goals] = True
-        path: IntArray = cheapest_path(
+        path, considered = cheapest_path(
             self.owners, self.counts, self.sums, self.learnt, self.drills, number, CROSSING if may_cross else -1,
             np.array(sorted(start), dtype=np.int64), self._is_goal, box, self._best, self._before, self._heads,
         )  # fmt: skip
         self._is_goal[goals] = False
+        self.effort += considered
         return path if len(path) else None
 
     def _put(self, number: int, places: IntArray) -> list[int]:

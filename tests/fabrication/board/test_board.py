@@ -258,7 +258,7 @@ def test_a_coupler_is_one_part_with_both_pairs_of_pads() -> None:
 
 def test_a_board_that_cannot_be_routed_names_its_connections(tmp_path: Path) -> None:
     whole = placed(design_of("piacenza2017-pad"))
-    x0, y0, x1, y1 = whole.box
+    _, y0, _, y1 = whole.box
     wall = [BoardHole(x=50.0, y=float(y), diameter_mm=3.0) for y in np.arange(y0 + 1.5, y1, 2.5)]
     one = routed(replace(whole, holes=(*whole.holes, *wall)))
     assert {"E1-K", "R1-K"} <= {lost.net for lost in one.unrouted}
