@@ -96,6 +96,11 @@ class Draft:
         """The cavity with the placed parts."""
         return cavity_of(self.design)
 
+    @property
+    def is_plain_block(self) -> bool:
+        """Whether the pad is a flat rectangle with a bare top and parts in its walls, so that images give its light."""
+        return self.plan.is_block and self.design.top is None and not self.cavity.on_floor
+
     @cached_property
     def outline(self) -> MoldOutline:
         """Dimensions of the mold."""

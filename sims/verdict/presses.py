@@ -93,8 +93,8 @@ def untouched_flux(draft: Draft, *, seed: int, accuracy: str | Accuracy = "stand
 
 
 def accuracy_of_pairs(draft: Draft, accuracy: str | Accuracy = PAIR_ACCURACY) -> str | Accuracy:
-    """Light settings for a design's single pairs: the given ones, made coarser for discs and crowned pads."""
-    if isinstance(accuracy, str) or draft.plan.is_block:
+    """Light settings for a design's single pairs: the given ones, coarser where images do not give the light."""
+    if isinstance(accuracy, str) or draft.is_plain_block:
         return accuracy
     return replace(accuracy, image_step=max(accuracy.image_step, FORMED_PAIR_STEP))
 

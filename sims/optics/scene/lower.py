@@ -193,7 +193,6 @@ def scene_of(design: SensorDesign) -> OpticalScene:
     cavity, behind = draft.cavity, draft.wall_index
     plan, surfaces, skin = cavity.plan, design.surfaces, draft.skin
     index = draft.refractive_index.value
-    is_block = plan.is_block and skin is None and not cavity.on_floor
     return OpticalScene(
         length_mm=cavity.length_mm,
         width_mm=cavity.width_mm,
@@ -211,7 +210,7 @@ def scene_of(design: SensorDesign) -> OpticalScene:
         emitter_pattern=_patterns(cavity.emitters),
         receiver_response=_responses(cavity.receivers, index),
         wall_index=None if behind is None else behind.value,
-        form=None if is_block else form_of(plan),
+        form=None if draft.is_plain_block else form_of(plan),
         emitter_pose=_poses(cavity.emitters),
         receiver_pose=_poses(cavity.receivers),
         top_finish="bare" if skin is None else skin.finish,

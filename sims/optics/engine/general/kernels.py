@@ -32,7 +32,7 @@ from optopad.sims.optics.engine.general.mirrored import (
     top_points,
 )
 from optopad.sims.optics.engine.general.scattered import scattered_flux
-from optopad.sims.optics.engine.general.skin import skin_flux
+from optopad.sims.optics.engine.general.skin import skin_again, skin_flux
 from optopad.sims.optics.engine.general.top import FormedTop
 from optopad.sims.optics.surface import curves, radial
 
@@ -119,6 +119,24 @@ def skin_matrix(
     work, amounts = np.zeros(SIGHTS + SIGHT * count), np.zeros(count)
     skin_flux(emitters, receivers, wanted, points, reflectance, absorbs, top, out, amounts, work)
     return out
+
+
+@kernel
+def skin_again_matrix(
+    emitters: FloatArray, receivers: FloatArray, wanted: BoolArray, rays: int, steps: FloatArray,
+    shift: FloatArray, reflectance: float, absorbs: float, walls: FloatArray, arcs: FloatArray,
+    origin: FloatArray, axes: FloatArray, numbers: FloatArray, row: FloatArray, grid: FloatArray,
+) -> FloatArray:  # fmt: skip
+    """(batch, emitter, receiver) light that the skin scatters twice or more, and no wall or bottom."""
+    top = FormedTop(origin, axes, numbers, row, grid)
+    out = np.zeros((emitters.shape[0], RAY_BATCHES, receivers.shape[0]))
+    for i in range(emitters.shape[0]):
+        if wanted[i].any():
+            moved = shift + GOLDEN * (i + 1.0) * np.arange(1, shift.shape[0] + 1)
+            skin_again(
+                emitters[i], receivers, rays, steps, moved, reflectance, absorbs, walls, arcs, top, out[i]
+            )
+    return out.transpose(1, 0, 2).copy()
 
 
 @kernel

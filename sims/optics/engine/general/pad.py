@@ -38,7 +38,8 @@ REFERENCE_PATCH_MM, PATCHES_ERROR = 0.5, 3e-3
 REFERENCE_RAYS, REFERENCE_WALKS = 32768, 8
 """Rays per emitter for the untouched pad's scattered light, and number of groups with different offsets. If the
 settings have fewer rays, fewer are used here, too, and the grid's cells grow by the square root of the ratio."""
-DEPOSIT_RAYS = 2048
+DEPOSIT_RAYS, SKIN_RAYS = 2048, 2048
+"""Rays per part for light on patches, and per emitter for light that a skin scatters twice or more."""
 PART_SHARE, SPHERE_PART_SHARE = 0.3, 0.15
 """Largest size of a part of an emitter, relative to its distance from a point of the top. It is smaller under a
 spherical crown, whose repeated reflections focus light in both directions. `chains` begins with larger parts and
@@ -197,6 +198,18 @@ class FormedPad:
             )
         )  # fmt: skip
         return given, taken
+
+    def again(self, top: FormedTop, wanted: BoolArray, shift: FloatArray) -> FloatArray:
+        """(batch, emitter, receiver) light that only a diffuse skin scatters, twice or more."""
+        from optopad.sims.optics.engine.general.kernels import skin_again_matrix
+
+        scene = self.scene
+        return np.asarray(
+            skin_again_matrix(
+                self.emitters, self.receivers, wanted, SKIN_RAYS, self.steps, shift, scene.top_reflectance,
+                scene.absorption_per_mm, self.walls, self.arcs, *top,
+            )
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -34,7 +34,7 @@ PITCH = 0.38
 width; this mean is the width of an image half-way between them. At an image step of 0.7 the change of light by a press
 on the dome has an error of 0.3 to 1.2 noise units rms with emitters of 0.3 mm, and of 0.4 to 1.7 with emitters of 1.1
 mm."""
-SKIN_PITCH = 0.15
+SKIN_PITCH = 0.3
 """Size of cells under a skin that scatters at an image step of 1, relative to the thickness of the layer."""
 DIVISIONS = 4
 """Largest number of times that a cell of the grid is divided."""

@@ -142,14 +142,14 @@ def _walk(
         v = 2.0 * number(n, first + 3, steps, shift) - 1.0
         if times > 0 or by_skin > 1:
             row = 0 if times == 1 else 1
-            _look(x, y, z, nx, ny, nz, weight, u, v, receivers, absorbs, top, out[row])
+            look(x, y, z, nx, ny, nz, weight, u, v, receivers, absorbs, top, out[row])
         cosine = math.sqrt(number(n, first, steps, shift))
         dx, dy, dz = about(nx, ny, nz, cosine, number(n, first + 1, steps, shift))
         is_mirrored = False
 
 
 @kernel
-def _look(
+def look(
     x: float, y: float, z: float, nx: float, ny: float, nz: float, weight: float, u: float, v: float,
     receivers: FloatArray, absorbs: float, top: FormedTop, out: FloatArray,
 ) -> None:  # fmt: skip

@@ -1,5 +1,6 @@
 # mypy: no-warn-return-any
-"""Light that a diffuse skin on the top scatters once, from an emitter to a receiver, by way of points of the top.
+"""Light that a diffuse skin on the top scatters, from an emitter to a receiver: once, by way of points of the top, and
+more often, by rays.
 
 Model
 -----
@@ -19,6 +20,7 @@ import math
 
 from optopad.design.arrays import BoolArray, FloatArray
 from optopad.sims.optics.engine.general.cuts import BATCH, DA, MX, MY, MZ, PX, PY, PZ, SKIRT
+from optopad.sims.optics.engine.general.deposits import RAY_BATCHES
 from optopad.sims.optics.engine.general.mirrored import AT, put_sight, sight_is_open
 from optopad.sims.optics.engine.general.rays import (
     AREA,
@@ -27,12 +29,26 @@ from optopad.sims.optics.engine.general.rays import (
     CZ,
     HALF_U,
     HALF_V,
+    NX,
+    NY,
+    NZ,
+    TOP,
     lobe,
+    meeting,
     onto,
     sees,
     window_point,
 )
-from optopad.sims.optics.engine.general.top import OUTER, FormedTop, dimple, into
+from optopad.sims.optics.engine.general.scattered import (
+    FIRST,
+    MOST_UNDER_SKIN,
+    PER_SCATTER,
+    about,
+    face_before,
+    look,
+    number,
+)
+from optopad.sims.optics.engine.general.top import OUTER, FormedTop, dimple, into, normal_at, out_of
 from optopad.sims.optics.surface.radial import kernel
 
 WIDE = 0.2
@@ -76,6 +92,41 @@ def skin_flux(
                 for j in range(receivers.shape[0]):
                     if wanted[i, j]:
                         out[row, batch, i, j] += amounts[i] * amounts[many + j]
+
+
+@kernel
+def skin_again(
+    e: FloatArray, receivers: FloatArray, rays: int, steps: FloatArray, shift: FloatArray, reflectance: float,
+    absorbs: float, walls: FloatArray, arcs: FloatArray, top: FormedTop, out: FloatArray,
+) -> None:  # fmt: skip
+    """Add light that the skin scatters twice or more, and nothing else, to `out` (batch, receiver), by rays.
+
+    Only a dimple or a crown sends light from the skin to the skin.
+    """
+    weight0 = math.pi * 4.0 * e[HALF_U] * e[HALF_V] / e[AREA] / rays
+    for n in range(rays):
+        x, y, z = window_point(
+            e, 2.0 * number(n, 0, steps, shift) - 1.0, 2.0 * number(n, 1, steps, shift) - 1.0
+        )
+        cosine = math.sqrt(number(n, 2, steps, shift))
+        dx, dy, dz = about(-e[NX], -e[NY], -e[NZ], cosine, number(n, 3, steps, shift))
+        weight = weight0 * lobe(e, cosine)
+        for times in range(MOST_UNDER_SKIN):
+            t, what = meeting(x, y, z, dx, dy, dz, walls, arcs, top)
+            if what != TOP or face_before(x, y, z, dx, dy, dz, t, receivers)[1] >= 0:
+                break
+            weight *= reflectance * math.exp(-absorbs * t)
+            qx, qy, _ = into(top, x + t * dx, y + t * dy, z + t * dz)
+            nx, ny, nz = normal_at(top, qx, qy)
+            nx, ny, nz = out_of(top, nx, ny, nz)
+            x, y, z = x + t * dx - 1e-7 * nx, y + t * dy - 1e-7 * ny, z + t * dz - 1e-7 * nz
+            first = FIRST + PER_SCATTER * times
+            if times > 0:
+                u = 2.0 * number(n, first + 2, steps, shift) - 1.0
+                v = 2.0 * number(n, first + 3, steps, shift) - 1.0
+                look(x, y, z, -nx, -ny, -nz, weight, u, v, receivers, absorbs, top, out[n % RAY_BATCHES])
+            cosine = math.sqrt(number(n, first, steps, shift))
+            dx, dy, dz = about(-nx, -ny, -nz, cosine, number(n, first + 1, steps, shift))
 
 
 @kernel

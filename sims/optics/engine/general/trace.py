@@ -3,7 +3,8 @@
 Method, class by class
 ----------------------
 - `direct`: quadrature with a horizon for every column (`direct`).
-- `top`, `skirt`: ray bundles by way of points of the top (`mirrored`, `points`).
+- `top`, `skirt`: ray bundles by way of points of the top (`mirrored`, `points`); under a diffuse skin, light that it
+scatters once, by way of such points (`skin`).
 - `diffuse`: the untouched pad's scattered light times the factor by which a press changes light scattered once
 (`deposits`). If nothing but the tip scatters, it is the tip's scattered light.
 
@@ -146,6 +147,9 @@ def _pressed(
     scattered, scattered_error = _scattered(ways, top, wanted)
     flux[0] += straight
     flux[1:3] += mirrored.sum(axis=2).mean(axis=0)
+    if pad.scene.top_finish == "diffuse":
+        again, again_error = _scattered_again(ways, top, wanted)
+        scattered, scattered_error = scattered + again, np.hypot(scattered_error, again_error)
     change = straight + mirrored.sum(axis=(1, 2)).mean(axis=0) + scattered - flux[4]
     flux[4] = scattered
     is_changed = np.abs(change) > 1e-9 * pad.scale
@@ -236,6 +240,21 @@ def _scattered(ways: FormedWays, top: FormedTop, wanted: BoolArray) -> tuple[Flo
         found.append(value)
         squares.append(error**2)
     return np.mean(found, axis=0), np.sqrt(np.mean(squares, axis=0) / len(found))
+
+
+def _scattered_again(ways: FormedWays, top: FormedTop, wanted: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """(emitter, receiver) change by a press of light that only the skin scatters, twice or more, and its error."""
+    pad = ways.pad
+    changes = np.stack(
+        [
+            pad.again(top, wanted, shift)
+            - (0.0 if top.numbers[KIND] == FLAT else pad.again(pad.top, wanted, shift))
+            for shift in ways.rays
+        ]
+    )
+    batches = changes.reshape(-1, *changes.shape[2:])
+    error = batches.std(axis=0, ddof=1) * np.sqrt(len(batches)) / len(ways.rays)
+    return batches.sum(axis=0) / len(ways.rays), np.asarray(error)
 
 
 def _without_press(top: FormedTop) -> FormedTop:
