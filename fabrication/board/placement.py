@@ -155,7 +155,7 @@ def _optical(circuit: Circuit, netlist: Netlist, mold: MoldOutline) -> Iterator[
             if part.coupler is None:
                 yield one
             elif part.coupler in halves:
-                yield coupler(f"OC{part.coupler[1:]}", halves[part.coupler], one)
+                yield coupler(part.coupler, halves[part.coupler], one)
             else:
                 halves[part.coupler] = one
 

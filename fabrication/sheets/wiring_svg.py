@@ -14,14 +14,16 @@ The shapes of bodies and mold come from `optopad.design.mold.outline`, so the dr
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
 from optopad.design.circuit.circuit import Circuit
+from optopad.design.fields.quantity import ROUNDING_MM
 from optopad.design.mold.outline import MoldOutline, outline_of
 from optopad.design.mold.sockets import Socket
-from optopad.design.shape.cavity import TURN_RAD, Plan, workspace_of
+from optopad.design.shape.cavity import TURN_RAD, PlacedPart, Plan, workspace_of
 from optopad.design.shape.outline import Outline, X
 from optopad.design.spec import SensorDesign
 from optopad.design.spec.pad import WALLS, Wall
@@ -42,14 +44,13 @@ LEGEND_LINE_PX, MARGIN_PX, ORIGIN_PX, SYMBOL_PX = 24.0, 24.0, 4.0, 10.0
 def legend_lines(design: SensorDesign, connections: Sequence[Connection]) -> list[tuple[str, str]]:
     """Symbol name and text of every line of the legend; the name is "" for a line without a symbol."""
     outline = outline_of(design)
+    bottom = "board" if outline.is_frame and outline.cavity_bottom_mm == 0.0 else "black layer"
     lines = []
     for kind in ("emitter", "receiver"):
         titles = {one.part.part_id: one.part.part.title for one in connections if one.part.kind == kind}
         heights = sorted({one.part.height_mm for one in connections if one.part.kind == kind})
         levels = " and ".join(number(height) for height in heights)
-        lines.append(
-            (kind, f"{kind}: {', '.join(titles.values())}; centre {levels} mm above the black layer")
-        )
+        lines.append((kind, f"{kind}: {', '.join(titles.values())}; centre {levels} mm above the {bottom}"))
     workspace = workspace_of(design)
     return [
         *lines,
@@ -121,8 +122,9 @@ NAME_PX, NOTE_PX, HEADING_PX = 16.0, 13.0, 20.0
 LETTER_SHARE = 0.6
 """Assumed width of a letter as a fraction of the font size [-]; the actual average is smaller."""
 LABEL_LINES = 3
-FLOOR_LINES = 5.0
-"""Height of the label of a part on the floor, with its symbol [lines]."""
+FLOOR_LINES, FLOOR_STACK, FLOOR_LINE_PX = 5.0, 4, 16.0
+"""Height of the label around the symbol of a part on the floor [lines], and the lines of one next to it, and their
+distance [px]."""
 MOST_PX = 2600.0
 """Largest length of the cavity's longer side on the sheet [px]; labels of very close parts then overlap."""
 LABEL_START_PX, LABEL_GAP_PX = 5.0, 10.0
@@ -149,6 +151,7 @@ class Sheet:
     pitch : horizontal distance between neighbouring labels above or below the pad [px]
     columns : distances from a leader line to the reference, pin and position in a label left or right of the pad [px]
     side : width of the labels left and right of the pad [px]
+    sides : for each part on the floor, the side of its label by `_label_side`
     """
 
     outline: MoldOutline
@@ -158,6 +161,7 @@ class Sheet:
     pitch: float
     columns: tuple[float, float, float]
     side: float
+    sides: Mapping[str, Point]
 
     def at(self, x_mm: float, y_mm: float) -> Point:
         """Sheet position [px] of a point in the cavity's coordinate system."""
@@ -205,7 +209,7 @@ def wiring_svg(design: SensorDesign) -> str:
         root.extend(_labels(sheet, side, _on_side(connections, side), sockets))
     for one in connections:
         if one.part.is_on_floor:
-            root.extend(_own_label(sheet, one))
+            root.extend(_own_label(sheet, one, sheet.sides[one.part.name]))
     root.extend(legend(legend_top, lines))
     return svg.to_text(root)
 
@@ -261,12 +265,9 @@ def _sheet(outline: MoldOutline, connections: Sequence[Connection]) -> Sheet:
         is_level = wall in ("south", "north")
         step, span = (pitch, outline.length_mm) if is_level else (SIDE_PITCH_PX, outline.width_mm)
         needs.append(count * step / span)
-    on_floor = [one.part.position_mm for one in connections if one.part.is_on_floor]
-    own = max(names, pins, places) + LABEL_START_PX, FLOOR_LINES * LINE_PX
-    needs += [
-        min(own[0] / max(abs(x1 - x0), 1e-9), own[1] / max(abs(y1 - y0), 1e-9))
-        for (x0, y0, _), (x1, y1, _) in combinations(on_floor, 2)
-    ]
+    on_floor = [one.part for one in connections if one.part.is_on_floor]
+    on_floor_scale, sides = _floor_labels(on_floor, max(names, pins, places) + LABEL_START_PX)
+    needs.append(on_floor_scale)
     scale = min(max(needs), MOST_PX / max(outline.length_mm, outline.width_mm))
     above = MARGIN_PX + HEADING_PX + 2 * LINE_PX + LABEL_LINES * LINE_PX + LEADER_PX
     return Sheet(
@@ -277,6 +278,7 @@ def _sheet(outline: MoldOutline, connections: Sequence[Connection]) -> Sheet:
         pitch=pitch,
         columns=columns,
         side=side,
+        sides=sides,
     )
 
 
@@ -406,20 +408,85 @@ def _on_floor(sheet: Sheet, one: Connection) -> Element:
     return shapes
 
 
-def _own_label(sheet: Sheet, one: Connection) -> Iterator[Element]:
-    """Name and pin of a part on the floor above its symbol, and its position below."""
+def _label_side(part: PlacedPart, parts: Sequence[PlacedPart]) -> Point:
+    """Side of the label of a part on the floor: away from the other half of its coupler, else (0, 0) at the part."""
+    partner = next(
+        (one for one in parts if part.coupler and one.coupler == part.coupler and one is not part), None
+    )
+    if partner is None:
+        return 0.0, 0.0
+    x, y = (here - there for here, there in zip(part.position_mm[:2], partner.position_mm[:2], strict=True))
+    return (math.copysign(1.0, x), 0.0) if abs(x) >= abs(y) else (0.0, math.copysign(1.0, y))
+
+
+def _floor_labels(parts: Sequence[PlacedPart], width: float) -> tuple[float, dict[str, Point]]:
+    """Least scale at which no labels of parts on the floor overlap [px/mm], and the side of each label by name.
+
+    Labels are around the symbols, or those of couplers at their sides, whichever permits the smaller drawing.
+    """
+    ways = [
+        {part.name: (0.0, 0.0) for part in parts},
+        {part.name: _label_side(part, parts) for part in parts},
+    ]
+    scales = [_least_scale(parts, sides, width) for sides in ways]
+    best = 1 if scales[1] < scales[0] else 0
+    return scales[best], ways[best]
+
+
+def _least_scale(parts: Sequence[PlacedPart], sides: Mapping[str, Point], width: float) -> float:
+    """Least scale at which no labels of parts on the floor overlap, for labels of this width [px/mm]."""
+    tall = FLOOR_LINES * LINE_PX
+    boxes = []
+    for part in parts:
+        side = sides[part.name]
+        size = (width, tall) if side == (0.0, 0.0) else (width, FLOOR_STACK * FLOOR_LINE_PX)
+        away = [
+            way * (SYMBOL_PX + LABEL_START_PX + length / 2) for way, length in zip(side, size, strict=True)
+        ]
+        boxes.append((part.position_mm[:2], away, size))
+
+    def needed(one: float, other: float, ahead: float, least: float) -> float:
+        """Scale at which two labels are clear of each other along one axis; infinite if no scale does that."""
+        apart = other - one
+        if abs(apart) < ROUNDING_MM:
+            return 0.0 if abs(ahead) >= least else math.inf
+        return max((least - math.copysign(1.0, apart) * ahead) / abs(apart), 0.0)
+
+    return max(
+        (
+            min(needed(p[k], q[k], b[k] - a[k], (m[k] + n[k]) / 2) for k in (0, 1))
+            for (p, a, m), (q, b, n) in combinations(boxes, 2)
+        ),
+        default=0.0,
+    )
+
+
+def _own_label(sheet: Sheet, one: Connection, side: Point) -> Iterator[Element]:
+    """Name, pin and position of a part on the floor: around its symbol, or at one side of it."""
     colour = EMITTER_COLOUR if one.part.kind == "emitter" else RECEIVER_COLOUR
     x, y = sheet.at(*one.part.position_mm[:2])
-    above, below = y - SYMBOL_PX - LABEL_START_PX, y + SYMBOL_PX * 0.8
+    quiet = [(line, NOTE_PX, {"fill": QUIET_COLOUR}) for line in one.part.place_lines]
     lines = [
-        ((x, above - LINE_PX), one.part.name, NAME_PX, {"fill": colour, "font_weight": "bold"}),
-        ((x, above), one.pin, PIN_PX, {"fill": colour}),
+        (one.part.name, NAME_PX, {"fill": colour, "font_weight": "bold"}),
+        (one.pin, PIN_PX, {"fill": colour}),
+        *quiet,
     ]
-    for k, line in enumerate(one.part.place_lines, start=1):
-        lines.append(((x, below + k * LINE_PX * 0.9), line, NOTE_PX, {"fill": QUIET_COLOUR}))
-    for at, content, size, style in lines:  # a white border keeps the text legible on the lines of bodies
+    clear = SYMBOL_PX + LABEL_START_PX
+    levels = [k * FLOOR_LINE_PX for k in range(len(lines))]
+    anchor = "middle"
+    if side[0]:
+        x, anchor = x + side[0] * clear, "start" if side[0] > 0.0 else "end"
+        levels = [y + level - 0.35 * levels[-1] for level in levels]
+    elif side[1]:
+        first = y - clear - levels[-1] if side[1] > 0.0 else y + clear + 0.6 * FLOOR_LINE_PX
+        levels = [first + level for level in levels]
+    else:
+        levels = [y - clear - LINE_PX, y - clear, *(y + clear + level for level in levels[: len(quiet)])]
+        levels[2:] = [level + 0.4 * FLOOR_LINE_PX for level in levels[2:]]
+    for level, (content, size, style) in zip(levels, lines, strict=True):
+        # a white border keeps the text legible on the lines of bodies
         border = {"stroke": POCKET_COLOUR, "stroke_width": "4", "paint_order": "stroke"}
-        yield svg.text(at, content, size, anchor="middle", **border, **style)
+        yield svg.text((x, level), content, size, anchor=anchor, **border, **style)
 
 
 def _in_socket(sheet: Sheet, one: Connection, socket: Socket) -> Element:
