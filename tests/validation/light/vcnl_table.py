@@ -180,12 +180,10 @@ def _response(half_angle_deg: float, index: float) -> Angular:
     return lambda cosine: np.interp(cosine, cosine_nodes(), nodes)
 
 
-def predicted(
-    given: Mapping[str, float], rays: int, seed: int, wall: float | None = None
-) -> dict[str, float]:
-    """The ratios of one set of inputs; `wall` is the reflectance of the sides, None for bare ones."""
+def block_of(given: Mapping[str, float], wall: float | None) -> Block:
+    """The bare block of one set of inputs; `wall` is the reflectance of the sides, None for bare ones."""
     side, off = given["outline"], given["outline"] / 2 + OFF
-    block = Block(
+    return Block(
         size=(side, side, given["thickness"]),
         index=given["index"],
         absorption=absorption_per_mm(given["loss"]),
@@ -197,9 +195,16 @@ def predicted(
         emitter_width=given["emitter"],
         receiver_width=given["receiver"],
     )
+
+
+def predicted(
+    given: Mapping[str, float], rays: int, seed: int, wall: float | None = None
+) -> dict[str, float]:
+    """The ratios of one set of inputs; `wall` is the reflectance of the sides, None for bare ones."""
+    block = block_of(given, wall)
     lens = _part("vishay-vcnl4040-emitter").active_width_mm.value
     air = block.with_(
-        size=(side, side, given["distance"]),
+        size=(*block.size[:2], given["distance"]),
         index=1.0,
         absorption=0.0,
         cover="wet",
@@ -279,13 +284,24 @@ def inputs_table() -> str:
     return markdown_table(["input: nominal", "instead", *RATIOS], rows)
 
 
+OUTLINES = (10.0, 11.0, 12.0, 13.0, 15.0, 20.0)
+
+
+def outlines_table() -> str:
+    """R1 by the side of the block, for bare and for black sides."""
+    heads = ["side of the block, mm", *(f"{one:g}" for one in OUTLINES)]
+    rows = [
+        [name, *(f"{predicted({**NOMINAL, 'outline': one}, RAYS, 1, wall)['R1']:.3f}" for one in OUTLINES)]
+        for name, wall in (("R1, bare sides", None), ("R1, black sides (0.05)", 0.05))
+    ]
+    return markdown_table(heads, rows)
+
+
 SCENES: dict[str, tuple[dict[str, float], float | None]] = {
     "nominal: bare sides": ({}, None),
     "black sides (0.05)": ({}, 0.05),
     "grey sides (0.5)": ({}, 0.5),
     "white board (0.8)": ({"board": 0.8}, None),
-    "small block, 10 mm": ({"outline": 10.5}, None),
-    "small block with a white board": ({"outline": 10.5, "board": 0.8}, None),
     "white board and white sides (0.8)": ({"board": 0.8}, 0.8),
 }
 """Scenes outside the bands: what would have to be true for R1 to be met."""
@@ -304,29 +320,16 @@ def _cells(ratios: Mapping[str, float]) -> list[str]:
     return [f"{ratios[name]:.3f}" for name in RATIOS]
 
 
+ORDERS_OF = (("nominal", 0.15, None), ("white board", 0.8, None), ("black sides", 0.15, 0.05))
+
+
 def orders_table() -> str:
-    """What a bare layer returns, by the number of times that light was scattered before, over R1's denominator."""
-    given = NOMINAL
+    """What a bare layer returns, by the number of times that the light was scattered before."""
+    wetted = Pattern.of_half_angle(NOMINAL["wetted"])
+    response = _response(NOMINAL["half"], NOMINAL["index"])
     rows = []
-    for name, board, wall in (
-        ("nominal", 0.15, None),
-        ("white board", 0.8, None),
-        ("black sides", 0.15, 0.05),
-    ):
-        side = given["outline"] / 2 + OFF
-        block = Block(
-            size=(given["outline"], given["outline"], given["thickness"]),
-            index=given["index"],
-            absorption=absorption_per_mm(given["loss"]),
-            floor=board,
-            wall=wall,
-            emitter=(side - APART / 2, side),
-            receiver=(side + APART / 2, side),
-            emitter_width=given["emitter"],
-            receiver_width=given["receiver"],
-        )
-        response = _response(given["half"], given["index"])
-        share, _, orders = received(block, Pattern.of_half_angle(given["wetted"]), response, RAYS, 1)
+    for name, board, wall in ORDERS_OF:
+        share, _, orders = received(block_of({**NOMINAL, "board": board}, wall), wetted, response, RAYS, 1)
         rows.append([name, *(f"{100.0 * part / share:.0f}" for part in (*orders[:3], orders[3:].sum()))])
     return markdown_table(["scene", "not scattered, %", "once, %", "twice, %", "more often, %"], rows)
 
@@ -438,6 +441,7 @@ TABLES = {
     "inputs": inputs_table,
     "scenes": scenes_table,
     "orders": orders_table,
+    "outlines": outlines_table,
     "engine": engine_table,
 }
 
