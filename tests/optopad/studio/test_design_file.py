@@ -429,7 +429,7 @@ def edited(draw: st.DrawFn, design: SensorDesign) -> SensorDesign:
 @given(st.data())
 @settings(max_examples=25, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 def test_edits_saved_on_the_way_load_as_the_design_on_the_table(data: st.DataObject) -> None:
-    name = data.draw(st.sampled_from(PRESETS))
+    name = data.draw(st.sampled_from(WALL_PRESETS))
     with tempfile.TemporaryDirectory() as folder:
         path = copy_of(name, Path(folder))
         file = DesignFile(str(path))

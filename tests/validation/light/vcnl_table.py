@@ -372,15 +372,13 @@ ENGINE = tuple(
 
 
 def both(
-    scene: tuple[float, float, float, float | None], rays: int, accuracy: str
+    scene: tuple[float, float, float, float | None], rays: int
 ) -> tuple[tuple[float, float], tuple[float, float]]:
     """Received share by the engine and by the walk, each with its standard error."""
     thickness, board, wall, cover = scene
     draft = Draft.of(one_chip(thickness, board, wall, cover))
     lowered = scene_of(draft.design)
-    light = trace(
-        draft, np.array([[draft.cavity.length_mm / 2, draft.cavity.width_mm / 2, 0.0]]), accuracy=accuracy
-    )
+    light = trace(draft, np.array([[draft.cavity.length_mm / 2, draft.cavity.width_mm / 2, 0.0]]))
     emitter, receiver = draft.cavity.emitters[0], draft.cavity.receivers[0]
     block = Block(
         size=(draft.cavity.length_mm, draft.cavity.width_mm, thickness),
@@ -410,7 +408,7 @@ def engine_table() -> str:
     """Received share by the engine and by the walk."""
     rows = []
     for scene in ENGINE:
-        (engine, own), (walk, error) = both(scene, 400_000, "fine")
+        (engine, own), (walk, error) = both(scene, 400_000)
         rows.append(
             [
                 *(("bare" if one is None else f"{one:g}") for one in scene),
