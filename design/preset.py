@@ -21,7 +21,9 @@ BOARD_PRESETS = ("gripper-teensy", "roboy-lightskin")
 """A rectangle and a disc that do not have the usual electronics (one input per receiver, which is read once)."""
 FLOOR_PRESETS = ("disco-patch", "board-pad")
 """Pads whose parts stand on a circuit board below them, under a skin."""
-PRESETS = FLAT_PRESETS + SHAPED_PRESETS + BOARD_PRESETS + FLOOR_PRESETS
+WALL_PRESETS = FLAT_PRESETS + SHAPED_PRESETS + BOARD_PRESETS
+"""Pads whose parts look out of the walls."""
+PRESETS = WALL_PRESETS + FLOOR_PRESETS
 
 
 def preset_text(name: str) -> str:

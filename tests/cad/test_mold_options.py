@@ -19,7 +19,7 @@ from optopad.design.mold.outline import bed_lift_mm, outline_of
 from optopad.design.mold.part_numbers import DEPTH_MM
 from optopad.design.parts.assumptions import bed_of
 from optopad.design.parts.catalog import find_board, packaged
-from optopad.design.preset import FLAT_PRESETS, PRESETS, preset
+from optopad.design.preset import FLAT_PRESETS, WALL_PRESETS, preset
 from optopad.design.rules.check import require_valid
 from optopad.design.shape.cavity import cavity_of
 from optopad.design.spec.properties import fit
@@ -37,7 +37,7 @@ def mesh_of(files, name):
     return trimesh.load_mesh(io.BytesIO(files[name]), file_type="stl")
 
 
-@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("name", WALL_PRESETS)
 def test_every_part_has_its_name_of_the_wiring_table_on_the_mold(name):
     design = preset(name)
     wired = {one.part.name for one in connections_of(Circuit.of(design)).all}
@@ -209,7 +209,7 @@ def test_the_middle_tooth_of_the_pour_gauge_ends_at_the_undisturbed_top(name):
     assert gauge.val().Volume() == pytest.approx(gauge_volume_mm3(size), rel=ROUNDING)
 
 
-@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("name", WALL_PRESETS)
 def test_the_solder_jig_has_the_pitch_of_every_part(name):
     design = preset(name)
     size = jig_size(design)

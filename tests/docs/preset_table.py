@@ -11,7 +11,6 @@ from optopad.design.spec import SensorDesign
 from optopad.fabrication.sheets import svg
 from optopad.fabrication.sheets.template import number, size_words
 from optopad.fabrication.sheets.wiring_svg import EMITTER_COLOUR, LINE_COLOUR, RECEIVER_COLOUR
-from optopad.report.scenes.mold_scene import body_corners_mm
 
 PICTURE_PX = 110.0
 """Longer side of a picture [px]."""
@@ -77,5 +76,6 @@ def preset_picture(design: SensorDesign) -> str:
     root.append(svg.outline(around(cavity.workspace), **dashes))
     for part in cavity.parts:
         colour = EMITTER_COLOUR if part.kind == "emitter" else RECEIVER_COLOUR
-        root.append(svg.polygon([at(x, y) for x, y, _ in body_corners_mm(part)[:4]], fill=colour))
+        plan = part.body_mm[[0, 1, 2, 3] if part.is_on_floor else [4, 5, 1, 0], :2]
+        root.append(svg.polygon([at(x, y) for x, y in plan.tolist()], fill=colour))
     return svg.to_text(root)

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from optopad.design.errors import DesignError, InputError, OptopadError, OutputError
 from optopad.design.io import load_design, save_design
-from optopad.design.preset import FLAT_PRESETS, PRESETS, SHAPED_PRESETS, preset, preset_text
+from optopad.design.preset import FLAT_PRESETS, PRESETS, SHAPED_PRESETS, WALL_PRESETS, preset, preset_text
 from optopad.design.shape.cavity import cavity_of
 from optopad.design.spec import SensorDesign
 from optopad.studio.design_file import DesignFile, comments_of
@@ -27,7 +27,9 @@ from tests.design.parts.own_parts import own_part
 PAD, PAIR = "piacenza2017-pad", "piacenza2017-pair"
 DISC, CROWNED, DOME, STADIUM = SHAPED_PRESETS
 RECTANGLES = (*FLAT_PRESETS, CROWNED, "gripper-teensy")
-IN_TURN = [name if name in (PAD, DOME) else pytest.param(name, marks=pytest.mark.slow) for name in PRESETS]
+IN_TURN = [
+    name if name in (PAD, DOME) else pytest.param(name, marks=pytest.mark.slow) for name in WALL_PRESETS
+]
 """A flat and a crowned one; the others in every CI run."""
 OWN_PARTS = tomlkit.dumps({"parts": {"mine": own_part("receiver")}})
 FIELDS: dict[str, dict[str, Any]] = {
@@ -427,7 +429,7 @@ def edited(draw: st.DrawFn, design: SensorDesign) -> SensorDesign:
 @given(st.data())
 @settings(max_examples=25, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 def test_edits_saved_on_the_way_load_as_the_design_on_the_table(data: st.DataObject) -> None:
-    name = data.draw(st.sampled_from(PRESETS))
+    name = data.draw(st.sampled_from(WALL_PRESETS))
     with tempfile.TemporaryDirectory() as folder:
         path = copy_of(name, Path(folder))
         file = DesignFile(str(path))
@@ -510,7 +512,7 @@ def test_an_optional_field_set_and_unset_leaves_the_file_as_it_was(name: str, tm
         assert path.read_text(encoding="utf-8") == preset_text(name)
 
 
-@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("name", WALL_PRESETS)
 def test_saving_twice_is_saving_once(name: str, tmp_path: Path) -> None:
     path = copy_of(name, tmp_path)
     file = DesignFile(str(path))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from optopad.design.parts.catalog import Part, packaged
-from optopad.design.preset import FLAT_PRESETS, PRESETS, preset
+from optopad.design.preset import FLAT_PRESETS, WALL_PRESETS, preset
 from optopad.design.spec.properties import emitter_order
 from optopad.sims.optics.engine.trace_states import ACCURACIES, CLASS_NAMES, Accuracy, trace_scene
 from optopad.sims.optics.scene.lower import scene_of
@@ -135,7 +135,7 @@ def check_next_to_no_press(name, parts):
 
 SOONER = ("piacenza2017-pad", "piacenza2017-pair", "levi2013-disc", "gripper-stadium", "crowned-40x25")
 """Presets of which every shape is there; the others follow in the full tests."""
-BY_TIER = [name if name in SOONER else pytest.param(name, marks=pytest.mark.full) for name in PRESETS]
+BY_TIER = [name if name in SOONER else pytest.param(name, marks=pytest.mark.full) for name in WALL_PRESETS]
 
 
 @pytest.mark.slow
