@@ -91,9 +91,9 @@ def placed(design: SensorDesign, gain: SimulatedGain | None = None) -> Board:
     netlist, mold = netlist_of(circuit, gain), outline_of(design)
     optical = tuple(_optical(circuit, netlist, mold))
     centre = mold.plan.centre_mm
-    names = [
-        label for one in optical for label in (_near(one, optical) if one.is_placed else _names(one, centre))
-    ]
+    names = list[Label]()
+    for one in optical:
+        names += _near(one, optical) if one.is_placed else _names(one, centre, names)
     pad = _around([*_corners(optical), *((one.x, one.y) for one in names), *_mold_lines(mold)[1]])
     heights = _heights(optical)
     least = max(pad[3] - pad[1], LEAST_HEIGHT_MM, _header_mm(netlist))
@@ -155,7 +155,7 @@ def _optical(circuit: Circuit, netlist: Netlist, mold: MoldOutline) -> Iterator[
             if part.coupler is None:
                 yield one
             elif part.coupler in halves:
-                yield coupler(f"OC{part.coupler[1:]}", halves[part.coupler], one)
+                yield coupler(part.coupler, halves[part.coupler], one)
             else:
                 halves[part.coupler] = one
 
@@ -297,8 +297,11 @@ def _near(one: Footprint, optical: Sequence[Footprint]) -> Iterator[Label]:
             return
 
 
-def _names(one: Footprint, centre: Point) -> Iterator[Label]:
-    """Name of a part in a wall: inside the pad above its leads, or outside its wires with their polarity."""
+def _names(one: Footprint, centre: Point, others: Sequence[Label]) -> list[Label]:
+    """Name of a part in a wall: inside the pad above its leads, or outside its wires with their polarity.
+
+    It is farther outside where other names are in the way.
+    """
     away = one.x - centre[0], one.y - centre[1]
     far = max((away[0] ** 2 + away[1] ** 2) ** 0.5, 1e-6)
     along, across = one.pads[-1].x - one.pads[0].x, one.pads[-1].y - one.pads[0].y
@@ -307,11 +310,28 @@ def _names(one: Footprint, centre: Point) -> Iterator[Label]:
     if outward[0] * away[0] + outward[1] * away[1] < 0:
         outward = -outward[0], -outward[1]
     if one.package != "two wires":
-        yield Label(text=one.reference, x=one.x - 4.0 * away[0] / far, y=one.y - 4.0 * away[1] / far)
-        return
-    for pad in one.pads:
-        yield Label(text=pad.number, x=pad.x + 1.5 * outward[0], y=pad.y + 1.5 * outward[1])
-    yield Label(text=one.reference, x=one.x + 2.7 * outward[0], y=one.y + 2.7 * outward[1])
+        return [Label(text=one.reference, x=one.x - 4.0 * away[0] / far, y=one.y - 4.0 * away[1] / far)]
+    ends = [
+        Label(text=pad.number, x=pad.x + 1.5 * outward[0], y=pad.y + 1.5 * outward[1]) for pad in one.pads
+    ]
+    reach = abs(outward[0]) * text_width_mm(one.reference, NAME_MM) / 2 + abs(outward[1]) * NAME_MM / 2
+    tries = [
+        Label(text=one.reference, x=one.x + out * outward[0], y=one.y + out * outward[1])
+        for out in (2.2 + reach, 3.4 + reach, 4.6 + reach)
+    ]
+    return [
+        *ends,
+        next((label for label in tries if not any(_meet(label, other) for other in others)), tries[-1]),
+    ]
+
+
+def _meet(one: Label, other: Label) -> bool:
+    """Whether two texts overlap."""
+    half = (text_width_mm(one.text, one.height_mm) + text_width_mm(other.text, other.height_mm)) / 2
+    return (
+        abs(one.x - other.x) < half + 0.2
+        and abs(one.y - other.y) < (one.height_mm + other.height_mm) / 2 + 0.2
+    )
 
 
 def _labels(

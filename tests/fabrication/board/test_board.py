@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import io
 import re
+import shutil
+import subprocess
 import zipfile
 from dataclasses import replace
 from functools import cache
@@ -17,7 +19,7 @@ import pytest
 from optopad.design.circuit.circuit import Circuit
 from optopad.design.errors import DesignError
 from optopad.design.mold.outline import outline_of
-from optopad.design.preset import preset
+from optopad.design.preset import PRESETS, preset
 from optopad.design.spec import SensorDesign
 from optopad.fabrication.board import Board, board_gaps, board_of, unrouted_words, write_board
 from optopad.fabrication.board.files import BILL_COLUMNS, PLACEMENT_COLUMNS, board_texts
@@ -374,3 +376,29 @@ def test_a_chip_without_known_pins_is_refused(change: dict[str, Any], words: str
     assert says(board_gaps(Circuit.of(design))[0], words)
     with pytest.raises(DesignError, match=words):
         board_of(design)
+
+
+SYSTEM_PYTHON = "/usr/bin/python3"
+"""The interpreter that Debian's KiCad has its module for."""
+RULES_CHECK = """
+import sys, pcbnew
+board = pcbnew.LoadBoard(sys.argv[1])
+pcbnew.ZONE_FILLER(board).Fill(board.Zones())
+pcbnew.WriteDRCReport(board, sys.argv[2], pcbnew.EDA_UNITS_MILLIMETRES, True)
+"""
+
+
+@pytest.mark.full
+@pytest.mark.skipif(shutil.which("pcbnew") is None, reason="needs KiCad")
+def test_kicad_finds_no_violation_of_the_rules(tmp_path: Path) -> None:
+    """Clearances, edges, holes, open connections and prints of every preset, with the ground filled by KiCad."""
+    for name in (*PRESETS, "sinks", "checkerboard", "couplers"):
+        one = board(name)
+        assert not one.unrouted, name
+        write_board(one, tmp_path / name)
+        report = tmp_path / name / "rules.txt"
+        command = [SYSTEM_PYTHON, "-c", RULES_CHECK, tmp_path / name / "optopad.kicad_pcb", report]
+        subprocess.run(command, check=True, env={"PATH": "/usr/bin:/bin", "HOME": str(tmp_path)})
+        words = report.read_text()
+        assert "Found 0 DRC violations" in words, (name, words)
+        assert "Found 0 unconnected pads" in words, (name, words)
