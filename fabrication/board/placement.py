@@ -29,6 +29,7 @@ from optopad.fabrication.board.model import GROUND, Board, BoardHole, Footprint,
 from optopad.fabrication.board.netlist import QUAD_PINS, Component, Group, Netlist, netlist_of
 from optopad.fabrication.board.packages import (
     HEADER_PITCH_MM,
+    WIRES,
     board_data,
     coupler,
     floor_part,
@@ -123,8 +124,13 @@ def placed(design: SensorDesign, gain: SimulatedGain | None = None) -> Board:
         ),
     ]
     chips = [one for one in parts if len(one.pads) > MANY_PADS]
-    is_floor = bool(circuit.cavity.on_floor)
+    cavity = circuit.cavity
+    is_floor = bool(cavity.on_floor)
     notes = dict.fromkeys(one.note for one in parts if one.note)
+    wired = zip((*netlist.emitters, *netlist.receivers), cavity.parts, strict=True)
+    notes |= dict.fromkeys(
+        f"{its.reference} is {part.name}" for its, part in wired if its.reference != part.name
+    )
     return Board(
         name=design.name,
         title=f"{design.name} {design.digest[:8]}",
@@ -309,7 +315,7 @@ def _names(one: Footprint, centre: Point, others: Sequence[Label]) -> list[Label
     outward = across / length, -along / length
     if outward[0] * away[0] + outward[1] * away[1] < 0:
         outward = -outward[0], -outward[1]
-    if one.package != "two wires":
+    if one.package != WIRES:
         return [Label(text=one.reference, x=one.x - 4.0 * away[0] / far, y=one.y - 4.0 * away[1] / far)]
     ends = [
         Label(text=pad.number, x=pad.x + 1.5 * outward[0], y=pad.y + 1.5 * outward[1]) for pad in one.pads

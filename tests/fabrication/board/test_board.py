@@ -83,8 +83,12 @@ def board(name: str) -> Board:
     return board_of(design_of(name))
 
 
-BOARDS = ("gripper-teensy", "piacenza2017-pad", "sinks", "checkerboard", "couplers")
-every_board = pytest.mark.parametrize("name", BOARDS)
+QUICK = ("gripper-teensy", "couplers")
+LATER = ("piacenza2017-pad", "sinks", "checkerboard")
+every_board = pytest.mark.parametrize("name", (*QUICK, *LATER))
+by_shape = pytest.mark.parametrize(
+    "name", (*QUICK, *(pytest.param(name, marks=pytest.mark.slow) for name in LATER))
+)
 
 
 def at(one: Board, reference: str, number: str) -> str:
@@ -159,7 +163,7 @@ def test_chips_share_their_lines_and_chain() -> None:
     assert all("J1" in on(one, line) for line in select)
 
 
-@every_board
+@by_shape
 def test_copper_of_two_nets_keeps_its_clearance(name: str) -> None:
     one = board(name)
     assert not one.unrouted
@@ -174,7 +178,7 @@ def test_copper_of_two_nets_keeps_its_clearance(name: str) -> None:
         assert np.min(edge) >= EDGE_MM - 1e-6
 
 
-@every_board
+@by_shape
 def test_every_net_is_one_piece(name: str) -> None:
     """Copper that touches is joined, from the shapes alone: then each net has one piece."""
     one = board(name)
@@ -256,6 +260,30 @@ def test_a_coupler_is_one_part_with_both_pairs_of_pads() -> None:
     # 0.885 mm between the two pairs, 0.83 mm within a pair: the drawing of the REMODEL board.
     assert pads["RA"] - pads["EA"] == pytest.approx(along / np.hypot(*along) * 0.885, abs=0.01)
     assert np.hypot(*(pads["EK"] - pads["EA"])) == pytest.approx(0.83)
+
+
+@pytest.mark.parametrize(
+    ("emitter", "receiver", "looks", "leads", "behind"),
+    [
+        ("kingbright-apt2012zgc", "osram-sfh206k", "in", ("two wires", "leads"), (2.75, 1.55)),
+        ("kingbright-apt2012zgc", "osram-sfh206k", "up", ("kingbright-apt2012zgc", "leads"), (0.0, -4.95)),
+    ],
+)
+def test_parts_on_the_floor_are_held_as_they_look(
+    emitter: str, receiver: str, looks: str, leads: tuple[str, str], behind: tuple[float, float]
+) -> None:
+    """Wires 2 mm behind a body of 0.75 mm; leads 1.55 mm behind the face, or 1.5 mm beyond a base 3.45 mm away."""
+    layout = {"pattern": "ring_inside", "emitters": 4, "receivers": 4, "inset_mm": 9.0, "looks": looks}
+    design = floor(layout, emitter, receiver)
+    one, cavity = placed(design), Circuit.of(design).cavity
+    for kind, parts, package, out in zip(
+        "ER", (cavity.emitters, cavity.receivers), leads, behind, strict=True
+    ):
+        for k, part in enumerate(parts, start=1):
+            its = next(found for found in one.footprints if found.reference == f"{kind}{k}")
+            assert its.package == package
+            middle = np.mean([(pad.x, pad.y) for pad in its.pads], axis=0)
+            assert middle == pytest.approx(np.array(part.line.point(0.0, out)), abs=0.01)
 
 
 def test_a_board_that_cannot_be_routed_names_its_connections(tmp_path: Path) -> None:
@@ -402,3 +430,9 @@ def test_kicad_finds_no_violation_of_the_rules(tmp_path: Path) -> None:
         words = report.read_text()
         assert "Found 0 DRC violations" in words, (name, words)
         assert "Found 0 unconnected pads" in words, (name, words)
+
+
+def test_a_part_that_no_circuit_reads_is_refused() -> None:
+    layout = {"pattern": "grid", "kind": "coupler", "columns": 2, "rows": 2, "pitch_mm": 8.0, "apart_mm": 2.6}
+    design = floor(layout, "vishay-vcnl4040-emitter", "vishay-vcnl4040-receiver")
+    assert says(board_gaps(Circuit.of(design))[0], "vishay-vcnl4040-emitter ... I2C")
