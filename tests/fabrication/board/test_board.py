@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from optopad.bundle_parts import write_fabrication
 from optopad.design.circuit.circuit import Circuit
 from optopad.design.errors import DesignError
 from optopad.design.mold.outline import outline_of
@@ -85,10 +86,9 @@ def board(name: str) -> Board:
 
 QUICK = ("gripper-teensy", "couplers")
 LATER = ("piacenza2017-pad", "sinks", "checkerboard")
-every_board = pytest.mark.parametrize("name", (*QUICK, *LATER))
-by_shape = pytest.mark.parametrize(
-    "name", (*QUICK, *(pytest.param(name, marks=pytest.mark.slow) for name in LATER))
-)
+every_board = pytest.mark.parametrize("name", [*QUICK, *LATER])
+SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in LATER]
+by_shape = pytest.mark.parametrize("name", [*QUICK, *SLOW])
 
 
 def at(one: Board, reference: str, number: str) -> str:
@@ -384,6 +384,15 @@ def test_bill_and_placement_name_the_same_parts(tmp_path: Path) -> None:
     assert float(coupler["Mid X"].removesuffix("mm")) + one.box[0] == pytest.approx(16.0, abs=0.2)
     with zipfile.ZipFile(tmp_path / "gerbers.zip") as archive:
         assert len(archive.namelist()) == 9
+
+
+def test_a_bundle_has_the_board(tmp_path: Path) -> None:
+    write_fabrication(design_of("gripper-teensy"), tmp_path, None, 1e4)
+    folder = tmp_path / "fabrication" / "board"
+    assert {path.relative_to(folder).as_posix() for path in folder.rglob("*.*")} >= set(
+        board_texts(board("gripper-teensy"))
+    )
+    assert "WARNING" not in (folder / "notes.txt").read_text()
 
 
 def test_wires_are_not_in_the_bill() -> None:
