@@ -73,6 +73,11 @@ ALLOWED = {
     "sims/learning": {"numpy", "scipy", "sklearn", "threadpoolctl"},
     "sims/learning/inference": {"numpy"},
     "sims/robot": {"numpy", "scipy", "threadpoolctl"},
+    "fabrication/board": {
+        "numba",
+        "numpy",
+        "scipy",
+    },  # the router is compiled; the pour is in connected pieces
     "fabrication": {"jinja2", "markupsafe", "numpy", "pydantic", "tomlkit"},
     "fabrication/driver": {
         "serial",

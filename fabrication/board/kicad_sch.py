@@ -73,13 +73,13 @@ def _places(parts: Sequence[Footprint]) -> tuple[list[tuple[float, float]], tupl
     """Position of each part's first pin row on the sheet, in columns, and the size of the sheet [mm]."""
     high = 10 * GRID_MM + max(sum(_rows(one) + 4 for one in parts) * GRID_MM / 8, 60 * GRID_MM)
     high = round(high / GRID_MM) * GRID_MM
-    x, y, places = 20 * GRID_MM, 6 * GRID_MM, []
+    x, y, places = 20 * GRID_MM, 8 * GRID_MM, []
     for one in parts:
         if y + _rows(one) * GRID_MM > high:
-            x, y = x + 2 * (ROOM_MM + 7.62), 6 * GRID_MM
+            x, y = x + 2 * (ROOM_MM + 7.62), 8 * GRID_MM
         places.append((x, y))
         y += (_rows(one) + 4) * GRID_MM
-    return places, (x + 20 * GRID_MM, high + 10 * GRID_MM)
+    return places, (x + 20 * GRID_MM, high + 20 * GRID_MM)
 
 
 def _library(name: str, one: Footprint) -> Iterator[str]:

@@ -8,7 +8,7 @@ wider than a lead, with a copper ring of `RING_MM`.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -28,6 +28,9 @@ WIRE_OUT_MM = 2.0
 """Distance of the holes for wires from the mold's outer face [mm]."""
 HEADER_PITCH_MM, HEADER_DRILL_MM, HEADER_PAD_MM = 2.54, 1.0, 1.7
 """A pin header, as KiCad's Connector_PinHeader_2.54mm."""
+BEND_MM = 1.5
+"""From the base of a part that lies on its back to the bend of its leads [mm]."""
+WIRES = "two wires"
 SIDE_LOOKING_DEG = 45.0
 """Tilt from which a floor part with leads stands upright, with its leads straight below the body."""
 
@@ -132,34 +135,54 @@ def cathode_is_left(part_id: str) -> tuple[bool, bool]:
 
 def wall_part(part: PlacedPart, frame: WallFrame, reference: str, anode: str, cathode: str) -> Footprint:
     """Holes for a part in a wall of the mold: for its leads below it, or for two wires outside the mold."""
+    if part.part.mounting == "radial":
+        return _upright(part, reference, anode, cathode, lead_setback_mm(part.part))
+    out = frame.thickness_at_mm(part.along_mm) + WIRE_OUT_MM
+    return _wired(part, reference, anode, cathode, lambda offset: frame.point(part.along_mm + offset, out))
+
+
+def _wired(
+    part: PlacedPart,
+    reference: str,
+    anode: str,
+    cathode: str,
+    place: Callable[[float], Point],
+    note: str = "",
+) -> Footprint:
+    """Two holes for wires; `place` is the position of a hole by its distance along the part's width."""
     entry = part.part
-    if entry.mounting == "radial":
-        return _upright(part, reference, anode, cathode)
     drill = round(entry.lead_diameter_mm.value + 0.1, 2)
     pitch = max(entry.lead_pitch_mm.value, drill + 2 * RING_MM + 0.4)
-    out = frame.thickness_at_mm(part.along_mm) + WIRE_OUT_MM
-    at = frame.point(part.along_mm, out)
-    pads = tuple(
-        round_pad(name, net, frame.point(part.along_mm + offset, out), drill)
-        for name, net, offset in (("A", anode, -pitch / 2), ("K", cathode, pitch / 2))
-    )
+    pads = round_pad("A", anode, place(-pitch / 2), drill), round_pad("K", cathode, place(pitch / 2), drill)
+    x, y = place(0.0)
     return Footprint(
-        reference=reference, value=entry.title, package="two wires", x=at[0], y=at[1], pads=pads,
-        body=(pads[0].width, pads[0].width), is_placed=False,
+        reference=reference, value=entry.title, package=WIRES, x=x, y=y, pads=pads,
+        body=(pads[0].width, pads[0].width), is_placed=False, note=note,
     )  # fmt: skip
 
 
 def floor_part(part: PlacedPart, reference: str, anode: str, cathode: str) -> Footprint:
-    """A part that stands on the board, with its active area at its position."""
+    """A part that stands on the board, with its active area at its position.
+
+    Leads go through the board: below a part that looks level, beyond the base of one that looks up. A tilted
+    surface-mount part has wires behind its back.
+    """
     entry, own = part.part, board_data()["optical"].get(part.part_id, {})
     if entry.mounting == "radial":
-        return _upright(part, reference, anode, cathode)
+        stands = part.tilt_deg > SIDE_LOOKING_DEG
+        beyond = lead_setback_mm(entry) if stands else -entry.active_height_in_body_mm.value - BEND_MM
+        return _upright(part, reference, anode, cathode, beyond)
+    if part.tilt_deg > 0.0:
+        behind = entry.body_depth_mm.value + WIRE_OUT_MM
+        note = "tilted surface-mount parts have holes for two wires behind them: hold them while the silicone cures"
+        return _wired(part, reference, anode, cathode, lambda offset: part.line.point(offset, behind), note)
     angle = _angle_deg(part.line.tangent)
     # The active area is this far below the middle of the body, which points against the turn.
     off = entry.body_height_mm.value / 2 - entry.active_height_in_body_mm.value
     at, middle = part.line.point(part.along_mm), part.line.point(part.along_mm, off)
     nets, pitch = {"K": cathode, "A": anode}, entry.lead_pitch_mm.value
-    if own.get("through_hole"):
+    # A body that is deeper than wide, as that of a 5 mm LED, stands on leads.
+    if own.get("through_hole", entry.body_depth_mm.value > entry.body_width_mm.value):
         drill = round(entry.lead_diameter_mm.value + HOLE_ROOM_MM, 2)
         pads = tuple(
             round_pad(name, nets[name], moved((x, 0.0), middle, angle), drill)
@@ -214,8 +237,8 @@ def surface_pads(entry: Part) -> list[list[Any]]:
     return [["K", -pitch / 2, 0.0, length, height], ["A", pitch / 2, 0.0, length, height]]
 
 
-def _upright(part: PlacedPart, reference: str, anode: str, cathode: str) -> Footprint:
-    """A part whose leads go straight down into the board behind its active face."""
+def _upright(part: PlacedPart, reference: str, anode: str, cathode: str, behind_mm: float) -> Footprint:
+    """A part whose leads go straight down into the board at a distance behind its active face."""
     entry = part.part
     drill = round(entry.lead_diameter_mm.value + HOLE_ROOM_MM, 2)
     (ox, oy), (tx, ty) = part.line.outward, part.line.tangent
@@ -226,8 +249,8 @@ def _upright(part: PlacedPart, reference: str, anode: str, cathode: str) -> Foot
     names = ["", *[""] * (len(offsets) - 2), ""]
     names[0], names[-1] = ("A", "K") if left == is_left_last else ("K", "A")
     nets = {"K": cathode, "A": anode}
-    places = [part.line.point(part.along_mm + offset, lead_setback_mm(entry)) for offset in offsets]
-    at = part.line.point(part.along_mm, lead_setback_mm(entry))
+    places = [part.line.point(part.along_mm + offset, behind_mm) for offset in offsets]
+    at = part.line.point(part.along_mm, behind_mm)
     pads = tuple(
         round_pad(name or str(k + 1), nets.get(name, ""), place, drill)
         for k, (name, place) in enumerate(zip(names, places, strict=True))

@@ -29,6 +29,7 @@ from optopad.fabrication.board.model import GROUND, Board, BoardHole, Footprint,
 from optopad.fabrication.board.netlist import QUAD_PINS, Component, Group, Netlist, netlist_of
 from optopad.fabrication.board.packages import (
     HEADER_PITCH_MM,
+    WIRES,
     board_data,
     coupler,
     floor_part,
@@ -91,9 +92,9 @@ def placed(design: SensorDesign, gain: SimulatedGain | None = None) -> Board:
     netlist, mold = netlist_of(circuit, gain), outline_of(design)
     optical = tuple(_optical(circuit, netlist, mold))
     centre = mold.plan.centre_mm
-    names = [
-        label for one in optical for label in (_near(one, optical) if one.is_placed else _names(one, centre))
-    ]
+    names = list[Label]()
+    for one in optical:
+        names += _near(one, optical) if one.is_placed else _names(one, centre, names)
     pad = _around([*_corners(optical), *((one.x, one.y) for one in names), *_mold_lines(mold)[1]])
     heights = _heights(optical)
     least = max(pad[3] - pad[1], LEAST_HEIGHT_MM, _header_mm(netlist))
@@ -123,8 +124,13 @@ def placed(design: SensorDesign, gain: SimulatedGain | None = None) -> Board:
         ),
     ]
     chips = [one for one in parts if len(one.pads) > MANY_PADS]
-    is_floor = bool(circuit.cavity.on_floor)
+    cavity = circuit.cavity
+    is_floor = bool(cavity.on_floor)
     notes = dict.fromkeys(one.note for one in parts if one.note)
+    wired = zip((*netlist.emitters, *netlist.receivers), cavity.parts, strict=True)
+    notes |= dict.fromkeys(
+        f"{its.reference} is {part.name}" for its, part in wired if its.reference != part.name
+    )
     return Board(
         name=design.name,
         title=f"{design.name} {design.digest[:8]}",
@@ -297,8 +303,11 @@ def _near(one: Footprint, optical: Sequence[Footprint]) -> Iterator[Label]:
             return
 
 
-def _names(one: Footprint, centre: Point) -> Iterator[Label]:
-    """Name of a part in a wall: inside the pad above its leads, or outside its wires with their polarity."""
+def _names(one: Footprint, centre: Point, others: Sequence[Label]) -> list[Label]:
+    """Name of a part in a wall: inside the pad above its leads, or outside its wires with their polarity.
+
+    It is farther outside where other names are in the way.
+    """
     away = one.x - centre[0], one.y - centre[1]
     far = max((away[0] ** 2 + away[1] ** 2) ** 0.5, 1e-6)
     along, across = one.pads[-1].x - one.pads[0].x, one.pads[-1].y - one.pads[0].y
@@ -306,12 +315,29 @@ def _names(one: Footprint, centre: Point) -> Iterator[Label]:
     outward = across / length, -along / length
     if outward[0] * away[0] + outward[1] * away[1] < 0:
         outward = -outward[0], -outward[1]
-    if one.package != "two wires":
-        yield Label(text=one.reference, x=one.x - 4.0 * away[0] / far, y=one.y - 4.0 * away[1] / far)
-        return
-    for pad in one.pads:
-        yield Label(text=pad.number, x=pad.x + 1.5 * outward[0], y=pad.y + 1.5 * outward[1])
-    yield Label(text=one.reference, x=one.x + 2.7 * outward[0], y=one.y + 2.7 * outward[1])
+    if one.package != WIRES:
+        return [Label(text=one.reference, x=one.x - 4.0 * away[0] / far, y=one.y - 4.0 * away[1] / far)]
+    ends = [
+        Label(text=pad.number, x=pad.x + 1.5 * outward[0], y=pad.y + 1.5 * outward[1]) for pad in one.pads
+    ]
+    reach = abs(outward[0]) * text_width_mm(one.reference, NAME_MM) / 2 + abs(outward[1]) * NAME_MM / 2
+    tries = [
+        Label(text=one.reference, x=one.x + out * outward[0], y=one.y + out * outward[1])
+        for out in (2.2 + reach, 3.4 + reach, 4.6 + reach)
+    ]
+    return [
+        *ends,
+        next((label for label in tries if not any(_meet(label, other) for other in others)), tries[-1]),
+    ]
+
+
+def _meet(one: Label, other: Label) -> bool:
+    """Whether two texts overlap."""
+    half = (text_width_mm(one.text, one.height_mm) + text_width_mm(other.text, other.height_mm)) / 2
+    return (
+        abs(one.x - other.x) < half + 0.2
+        and abs(one.y - other.y) < (one.height_mm + other.height_mm) / 2 + 0.2
+    )
 
 
 def _labels(

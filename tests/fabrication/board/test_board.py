@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import io
 import re
+import shutil
+import subprocess
 import zipfile
 from dataclasses import replace
 from functools import cache
@@ -14,10 +16,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from optopad.bundle_parts import write_fabrication
 from optopad.design.circuit.circuit import Circuit
 from optopad.design.errors import DesignError
 from optopad.design.mold.outline import outline_of
-from optopad.design.preset import preset
+from optopad.design.preset import PRESETS, preset
 from optopad.design.spec import SensorDesign
 from optopad.fabrication.board import Board, board_gaps, board_of, unrouted_words, write_board
 from optopad.fabrication.board.files import BILL_COLUMNS, PLACEMENT_COLUMNS, board_texts
@@ -81,8 +84,11 @@ def board(name: str) -> Board:
     return board_of(design_of(name))
 
 
-BOARDS = ("gripper-teensy", "piacenza2017-pad", "sinks", "checkerboard", "couplers")
-every_board = pytest.mark.parametrize("name", BOARDS)
+QUICK = ("gripper-teensy", "couplers")
+LATER = ("piacenza2017-pad", "sinks", "checkerboard")
+every_board = pytest.mark.parametrize("name", [*QUICK, *LATER])
+SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in LATER]
+by_shape = pytest.mark.parametrize("name", [*QUICK, *SLOW])
 
 
 def at(one: Board, reference: str, number: str) -> str:
@@ -157,7 +163,7 @@ def test_chips_share_their_lines_and_chain() -> None:
     assert all("J1" in on(one, line) for line in select)
 
 
-@every_board
+@by_shape
 def test_copper_of_two_nets_keeps_its_clearance(name: str) -> None:
     one = board(name)
     assert not one.unrouted
@@ -172,7 +178,7 @@ def test_copper_of_two_nets_keeps_its_clearance(name: str) -> None:
         assert np.min(edge) >= EDGE_MM - 1e-6
 
 
-@every_board
+@by_shape
 def test_every_net_is_one_piece(name: str) -> None:
     """Copper that touches is joined, from the shapes alone: then each net has one piece."""
     one = board(name)
@@ -254,6 +260,30 @@ def test_a_coupler_is_one_part_with_both_pairs_of_pads() -> None:
     # 0.885 mm between the two pairs, 0.83 mm within a pair: the drawing of the REMODEL board.
     assert pads["RA"] - pads["EA"] == pytest.approx(along / np.hypot(*along) * 0.885, abs=0.01)
     assert np.hypot(*(pads["EK"] - pads["EA"])) == pytest.approx(0.83)
+
+
+@pytest.mark.parametrize(
+    ("emitter", "receiver", "looks", "leads", "behind"),
+    [
+        ("kingbright-apt2012zgc", "osram-sfh206k", "in", ("two wires", "leads"), (2.75, 1.55)),
+        ("kingbright-apt2012zgc", "osram-sfh206k", "up", ("kingbright-apt2012zgc", "leads"), (0.0, -4.95)),
+    ],
+)
+def test_parts_on_the_floor_are_held_as_they_look(
+    emitter: str, receiver: str, looks: str, leads: tuple[str, str], behind: tuple[float, float]
+) -> None:
+    """Wires 2 mm behind a body of 0.75 mm; leads 1.55 mm behind the face, or 1.5 mm beyond a base 3.45 mm away."""
+    layout = {"pattern": "ring_inside", "emitters": 4, "receivers": 4, "inset_mm": 9.0, "looks": looks}
+    design = floor(layout, emitter, receiver)
+    one, cavity = placed(design), Circuit.of(design).cavity
+    for kind, parts, package, out in zip(
+        "ER", (cavity.emitters, cavity.receivers), leads, behind, strict=True
+    ):
+        for k, part in enumerate(parts, start=1):
+            its = next(found for found in one.footprints if found.reference == f"{kind}{k}")
+            assert its.package == package
+            middle = np.mean([(pad.x, pad.y) for pad in its.pads], axis=0)
+            assert middle == pytest.approx(np.array(part.line.point(0.0, out)), abs=0.01)
 
 
 def test_a_board_that_cannot_be_routed_names_its_connections(tmp_path: Path) -> None:
@@ -356,6 +386,15 @@ def test_bill_and_placement_name_the_same_parts(tmp_path: Path) -> None:
         assert len(archive.namelist()) == 9
 
 
+def test_a_bundle_has_the_board(tmp_path: Path) -> None:
+    write_fabrication(design_of("gripper-teensy"), tmp_path, None, 1e4)
+    folder = tmp_path / "fabrication" / "board"
+    assert {path.relative_to(folder).as_posix() for path in folder.rglob("*.*")} >= set(
+        board_texts(board("gripper-teensy"))
+    )
+    assert "WARNING" not in (folder / "notes.txt").read_text()
+
+
 def test_wires_are_not_in_the_bill() -> None:
     texts = board_texts(board("gripper-teensy"))
     assert "E1" not in re.findall(r"\bE\d+\b", texts["bill.csv"])
@@ -374,3 +413,35 @@ def test_a_chip_without_known_pins_is_refused(change: dict[str, Any], words: str
     assert says(board_gaps(Circuit.of(design))[0], words)
     with pytest.raises(DesignError, match=words):
         board_of(design)
+
+
+SYSTEM_PYTHON = "/usr/bin/python3"
+"""The interpreter that Debian's KiCad has its module for."""
+RULES_CHECK = """
+import sys, pcbnew
+board = pcbnew.LoadBoard(sys.argv[1])
+pcbnew.ZONE_FILLER(board).Fill(board.Zones())
+pcbnew.WriteDRCReport(board, sys.argv[2], pcbnew.EDA_UNITS_MILLIMETRES, True)
+"""
+
+
+@pytest.mark.full
+@pytest.mark.skipif(shutil.which("pcbnew") is None, reason="needs KiCad")
+def test_kicad_finds_no_violation_of_the_rules(tmp_path: Path) -> None:
+    """Clearances, edges, holes, open connections and prints of every preset, with the ground filled by KiCad."""
+    for name in (*PRESETS, "sinks", "checkerboard", "couplers"):
+        one = board(name)
+        assert not one.unrouted, name
+        write_board(one, tmp_path / name)
+        report = tmp_path / name / "rules.txt"
+        command = [SYSTEM_PYTHON, "-c", RULES_CHECK, tmp_path / name / "optopad.kicad_pcb", report]
+        subprocess.run(command, check=True, env={"PATH": "/usr/bin:/bin", "HOME": str(tmp_path)})
+        words = report.read_text()
+        assert "Found 0 DRC violations" in words, (name, words)
+        assert "Found 0 unconnected pads" in words, (name, words)
+
+
+def test_a_part_that_no_circuit_reads_is_refused() -> None:
+    layout = {"pattern": "grid", "kind": "coupler", "columns": 2, "rows": 2, "pitch_mm": 8.0, "apart_mm": 2.6}
+    design = floor(layout, "vishay-vcnl4040-emitter", "vishay-vcnl4040-receiver")
+    assert says(board_gaps(Circuit.of(design))[0], "vishay-vcnl4040-emitter ... I2C")
