@@ -716,6 +716,13 @@ class SensorDesign(Model):
         return walls == {FLOOR}
 
     @property
+    def noise_inside(self) -> Noise:
+        """The noise, without ambient light if a black coat outside the top keeps it out."""
+        if self.top is None or not self.top.black_outside:
+            return self.noise
+        return self.noise.model_copy(update={"ambient_counts": 0.0})
+
+    @property
     def value_noise_counts(self) -> float:
         """Read noise (standard deviation) of a frame's values, each the mean of `board.averages` readings [counts]."""
         return self.noise.read_noise_counts / math.sqrt(self.board.averages)

@@ -420,7 +420,7 @@ def chain_of(design: SensorDesign, readout: Readout) -> SignalChain:
     return SignalChain(
         gains=gains,
         full_scale_counts=readout.full_scale_counts,
-        noise=design.noise.model_copy(update={"read_noise_counts": design.value_noise_counts}),
+        noise=design.noise_inside.model_copy(update={"read_noise_counts": design.value_noise_counts}),
         shot_variance_per_count=shot_variance_per_count(design, readout),
         read_at_s=reading_times_s(design),
         dark=design.board.dark,
