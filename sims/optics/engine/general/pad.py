@@ -38,8 +38,9 @@ REFERENCE_PATCH_MM, PATCHES_ERROR = 0.5, 3e-3
 REFERENCE_RAYS, REFERENCE_WALKS = 32768, 8
 """Rays per emitter for the untouched pad's scattered light, and number of groups with different offsets. If the
 settings have fewer rays, fewer are used here, too, and the grid's cells grow by the square root of the ratio."""
-DEPOSIT_RAYS, SKIN_RAYS = 2048, 2048
-"""Rays per part for light on patches, and per emitter for light that a skin scatters twice or more."""
+DEPOSIT_RAYS, DEPOSIT_RAYS_UNDER_SKIN, SKIN_RAYS = 2048, 512, 2048
+"""Rays per part for light on patches, fewer under a skin that scatters, where other errors are larger; and per emitter
+for light that the skin scatters twice or more."""
 PART_SHARE, SPHERE_PART_SHARE = 0.3, 0.15
 """Largest size of a part of an emitter, relative to its distance from a point of the top. It is smaller under a
 spherical crown, whose repeated reflections focus light in both directions. `chains` begins with larger parts and
@@ -181,12 +182,13 @@ class FormedPad:
         wanted: BoolArray,
         shift: FloatArray,
         patches: PatchLayout | None = None,
-        rays: int = DEPOSIT_RAYS,
+        rays: int | None = None,
     ) -> tuple[FloatArray, FloatArray]:
         """(batch, emitter, patch) and (batch, receiver, patch) light on patches from those requested."""
         from optopad.sims.optics.engine.general.kernels import deposit_matrix
 
         scene, layout = self.scene, patches or self.patches
+        rays = rays or (DEPOSIT_RAYS_UNDER_SKIN if scene.top_finish == "diffuse" else DEPOSIT_RAYS)
         given, taken = (
             deposit_matrix(
                 windows, asked, self.receivers, rays, self.steps, shift + 0.25 * k,
