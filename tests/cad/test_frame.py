@@ -16,6 +16,7 @@ from optopad.cad.export import export_parts
 from optopad.cad.mold import build_mold
 from optopad.cad.tools import blade_size, solder_jig
 from optopad.design.mold.outline import bed_lift_mm, outline_of
+from optopad.design.preset import FLOOR_PRESETS, preset
 from optopad.design.rules.check import check
 from optopad.design.shape.cavity import cavity_of
 from optopad.design.spec import SensorDesign
@@ -72,6 +73,14 @@ def test_a_domed_frame_has_passages_below_the_black_layer() -> None:
     taken = plain * outline.height_mm - build_mold(design).val().Volume()
     straight = sum(one.area_mm2 * one.length_mm for one in outline.passages)
     assert taken == pytest.approx(straight, rel=0.01)
+
+
+@pytest.mark.parametrize("name", FLOOR_PRESETS)
+def test_the_presets_on_a_board_have_a_frame_and_no_jig(name: str) -> None:
+    outline = outline_of(preset(name))
+    assert outline.is_frame
+    assert (outline.sockets, outline.numbers, solder_jig(preset(name))) == ((), (), None)
+    assert all(one.state == "ok" for one in design_findings(preset(name)))
 
 
 @pytest.mark.parametrize("design", [frame(), dome()], ids=["flat", "dome"])

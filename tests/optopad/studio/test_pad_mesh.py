@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
 
 from optopad.design.held_object import held_of
-from optopad.design.preset import PRESETS, SHAPED_PRESETS, WALL_PRESETS, preset
+from optopad.design.preset import PRESETS, SHAPED_PRESETS, preset
 from optopad.design.shape.cavity import cavity_of, workspace_of
 from optopad.design.spec import SensorDesign
 from optopad.sims.contact.held.bottoms import bottom_mm, rotation
@@ -136,17 +137,23 @@ def turned(wxyz: tuple[float, float, float, float], vector: tuple[float, float, 
     return vector + wxyz[0] * twice + np.cross(wxyz[1:], twice)
 
 
-@pytest.mark.parametrize("name", WALL_PRESETS)
-def test_a_part_s_body_reaches_out_of_its_wall(name: str) -> None:
+SIGNS = list(product((-1.0, 1.0), repeat=3))
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_a_part_s_body_is_behind_its_face(name: str) -> None:
     for part in cavity_of(preset(name)).parts:
         turn, (size, middle) = facing(part), body_box(part)
-        assert turned(turn, (1.0, 0.0, 0.0)) == pytest.approx([*part.line.outward, 0.0], abs=1e-12)
+        assert turned(turn, (1.0, 0.0, 0.0)) == pytest.approx(-np.array(part.axis), abs=1e-12)
         assert abs(turned(turn, (0.0, 1.0, 0.0)) @ [*part.line.tangent, 0.0]) == pytest.approx(1.0)
         centre = part.position_mm + turned(turn, tuple(middle))
-        out = part.line.along_and_outward_mm(*centre[:2])
-        assert out == pytest.approx((part.along_mm, part.part.body_depth_mm.value / 2))
-        low, high = centre[2] - size[2] / 2, centre[2] + size[2] / 2
-        assert (low, high) == pytest.approx((part.body_base_mm, part.body_top_mm))
+        assert centre == pytest.approx(part.body_mm.mean(axis=0))
+        ends = [centre + turned(turn, tuple(way * size / 2)) for way in (np.array(SIGNS))]
+        heights = [end[2] for end in ends]
+        assert (min(heights), max(heights)) == pytest.approx((part.body_base_mm, part.body_top_mm))
+        if not part.is_on_floor:
+            out = part.line.along_and_outward_mm(*centre[:2])
+            assert out == pytest.approx((part.along_mm, part.part.body_depth_mm.value / 2))
 
 
 @pytest.mark.parametrize("name", [DISC, CROWNED, DOME])
