@@ -137,6 +137,15 @@ def test_ambient_light_lies_on_all_states_and_the_off_state_takes_it_away() -> N
     np.testing.assert_array_equal(taken(of, is_ambient=False)[:, -1], 0.0)
 
 
+def test_a_black_coat_outside_keeps_ambient_light_out() -> None:
+    quiet = without_noise(DESIGN).with_(**{"noise.ambient_counts": 40.0, "noise.ambient_flicker": 0.0})
+    skin = {"finish": "diffuse", "reflectance": 0.6}
+    for black, counts in ((False, 40.0), (True, 0.0)):
+        covered = quiet.with_(top=skin | {"black_outside": black})
+        found = taken(chain_of(covered, READOUT), is_ambient=True)
+        np.testing.assert_allclose(found[:, -1], counts, rtol=1e-6)
+
+
 @pytest.mark.parametrize("hz", [100.0, 120.0])
 def test_flicker_leaves_what_the_times_of_the_readings_make_of_it(hz: float) -> None:
     of = chain(ambient_counts=40.0, ambient_flicker=0.2, flicker_hz=hz)
