@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import io
 import zipfile
+from collections import Counter
 from pathlib import Path
 
 from optopad.design.io import write_text_atomically
@@ -54,14 +55,15 @@ def _assembled(board: Board) -> list[Footprint]:
 
 
 def unrouted_words(board: Board) -> str:
-    """A sentence that names the connections without a track; empty if there are none."""
+    """A sentence that names the nets with connections without a track; empty if there are none."""
     if not board.unrouted:
         return ""
-    names = ", ".join(f"{one.net} from {one.start} to {one.end}" for one in board.unrouted)
+    counts = Counter(one.net for one in board.unrouted)
+    names = ", ".join(net if count == 1 else f"{net} ({count} times)" for net, count in counts.items())
     count = len(board.unrouted)
     return (
-        f"the board is not finished: {count} of its connections {'has' if count == 1 else 'have'} no track ({names}); "
-        "open optopad.kicad_pcb in KiCad and route them, or choose a design with fewer parts"
+        f"the board is not finished: {count} of its connections {'has' if count == 1 else 'have'} no track, of the nets "
+        f"{names}; open optopad.kicad_pcb in KiCad and route them, or choose a design with fewer parts"
     )
 
 

@@ -186,7 +186,10 @@ def resistor(
 
 def capacitor(reference: str, value: str, one: str, other: str) -> Component:
     """A ceramic capacitor."""
-    return Component(reference=reference, value=value, package="0603", nets={"1": one, "2": other})
+    number = board_data()["capacitors"].get(value, "")
+    return Component(
+        reference=reference, value=value, package="0603", nets={"1": one, "2": other}, part_number=number
+    )
 
 
 def _switches(circuit: Circuit, drives: Sequence[str]) -> Iterator[Group]:

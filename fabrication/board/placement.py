@@ -365,6 +365,7 @@ def _labels(
 def _chip_lines(one: Footprint) -> Iterator[tuple[Point, ...]]:
     """Lines above and below a chip's body; the upper one reaches over the first pad."""
     half_x, half_y = one.body[0] / 2, one.body[1] / 2 + 0.15
-    reach = one.pads[0].x - one.pads[0].width / 2 - one.x
+    first = moved((one.pads[0].x - one.x, one.pads[0].y - one.y), (0.0, 0.0), -one.angle_deg)
+    reach = first[0] - one.pads[0].width / 2
     yield tuple(moved(end, (one.x, one.y), one.angle_deg) for end in ((reach, half_y), (half_x, half_y)))
     yield tuple(moved(end, (one.x, one.y), one.angle_deg) for end in ((-half_x, -half_y), (half_x, -half_y)))

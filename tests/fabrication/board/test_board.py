@@ -395,6 +395,20 @@ def test_a_bundle_has_the_board(tmp_path: Path) -> None:
     assert "WARNING" not in (folder / "notes.txt").read_text()
 
 
+@every_board
+def test_the_longer_printed_line_of_a_chip_is_at_its_first_pad(name: str) -> None:
+    one = board(name)
+    chips = [part for part in one.footprints if len(part.pads) > 8 and part.reference != "J1"]
+    lines = [line for line in one.lines if len(line) == 2]
+    assert len(lines) == 2 * len(chips)
+    for k, part in enumerate(chips):
+        longer, shorter = lines[2 * k], lines[2 * k + 1]
+        assert np.hypot(*np.subtract(*longer)) > np.hypot(*np.subtract(*shorter))
+        first, last = part.pads[0], part.pads[len(part.pads) // 2 - 1]
+        assert np.hypot(longer[0][0] - first.x, longer[0][1] - first.y) < 2.0
+        assert np.hypot(longer[0][0] - last.x, longer[0][1] - last.y) > 5.0
+
+
 def test_wires_are_not_in_the_bill() -> None:
     texts = board_texts(board("gripper-teensy"))
     assert "E1" not in re.findall(r"\bE\d+\b", texts["bill.csv"])
