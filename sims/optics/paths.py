@@ -283,7 +283,7 @@ def _walk(
     places[0, 0], places[0, 1], places[0, 2] = x, y, z
     path, in_air = DIRECT, False
     for count in range(1, PLACES):
-        nx, ny, nz, receiver = 0.0, 0.0, 0.0, LOST
+        nx, ny, nz, receiver, scattered = 0.0, 0.0, 0.0, LOST, DIFFUSE
         if in_air:
             t, what, nx, ny, nz = _met_in_air(pad, top, x, y, z, dx, dy, dz)
             if what == AWAY:
@@ -308,6 +308,8 @@ def _walk(
                     x, y, z = x - NUDGE_MM * nx, y - NUDGE_MM * ny, z - NUDGE_MM * nz
                     continue
                 what, nx, ny, nz = TIP, -nx, -ny, -nz
+                if path == DIRECT:  # scattered once, by the skin: light of the top
+                    scattered = SKIRT if is_skirt(top, px, py) else MIRRORED
             elif is_contact(top, px, py):
                 what, nx, ny, nz = TIP, -nx, -ny, -nz
         if what == TOP:
@@ -366,7 +368,7 @@ def _walk(
         stream, u = _draw(stream)
         stream, v = _draw(stream)
         dx, dy, dz = about(nx, ny, nz, math.sqrt(1.0 - u), v)
-        path = max(path, DIFFUSE)
+        path = max(path, scattered)
     return LEFT_OUT, LOST, 0
 
 
