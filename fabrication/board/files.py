@@ -62,8 +62,8 @@ def unrouted_words(board: Board) -> str:
     names = ", ".join(net if count == 1 else f"{net} ({count} times)" for net, count in counts.items())
     count = len(board.unrouted)
     return (
-        f"the board is not finished: {count} of its connections {'has' if count == 1 else 'have'} no track, of the nets "
-        f"{names}; open optopad.kicad_pcb in KiCad and route them, or choose a design with fewer parts"
+        f"the board is not finished: {count} of its connections {'has' if count == 1 else 'have'} no track, of the "
+        f"nets {names}; open optopad.kicad_pcb in KiCad and route them, or choose a design with fewer parts"
     )
 
 
