@@ -27,7 +27,7 @@ PURPOSES = {
     "gripper-teensy": "the finger of a gripper that is read at a high rate",
     "roboy-lightskin": "a large disc that averages many readings",
     "disco-patch": "many parts on a board under a reflective skin, as in a published finger",
-    "board-pad": "reflective couplers on a board, one under each location",
+    "board-pad": "pairs of LED and photodiode on a board, one under each location",
 }
 
 
