@@ -277,7 +277,7 @@ def _usual_fields(design: SensorDesign, *, more_parts: bool, most_counts: float)
     found = [_field(design, path, None, most_counts=most_counts) for path in cheap_fields(design)]
     found = [one for one in found if one["low"] < one["high"]]
     for number, pattern in enumerate(design.layout):
-        if pattern.pattern in ("alternating_ring", "disc_ring"):
+        if pattern.pattern in ("alternating_ring", "disc_ring", "checkerboard"):
             found.append({"path": f"layout.{number}.first", "choices": ["emitter", "receiver"]})
         if pattern.pattern == "alternating_ring" and more_parts and isinstance(pattern.parts_per_side, int):
             counts = [pattern.parts_per_side + more for more in (0, 1, 2, 3)]

@@ -35,7 +35,7 @@ import math
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import Field, ValidationError, model_validator
 
@@ -47,7 +47,7 @@ from optopad.design.io import load_design, read_toml
 from optopad.design.preset import PRESETS, preset
 from optopad.design.search.figures import FIGURES, NO_OBJECTIVE_ALONE, Direction
 from optopad.design.spec import SensorDesign, canonical_json
-from optopad.design.spec.layout import AlternatingRing, AtAngles, DiscRing, FacingRows, PerSide, Ring, Single
+from optopad.design.spec.layout import Pattern
 
 Sampler = Literal["tpe", "nsga2", "gp", "grid", "qmc", "random"]
 Value = bool | int | float | str
@@ -58,14 +58,10 @@ SPACES = ("pair-heights", "pad-layout")
 """Names of the packaged search spaces."""
 
 _PATTERNS = {
-    "alternating_ring": tuple(AlternatingRing.model_fields),
-    "facing_rows": tuple(FacingRows.model_fields),
-    "per_side": tuple(PerSide.model_fields),
-    "single": tuple(Single.model_fields),
-    "disc_ring": tuple(DiscRing.model_fields),
-    "at_angles": tuple(AtAngles.model_fields),
-    "ring": tuple(Ring.model_fields),
+    get_args(model.model_fields["pattern"].annotation)[0]: tuple(model.model_fields)
+    for model in get_args(get_args(Pattern)[0])
 }
+"""Names of the fields of each layout pattern."""
 _FIXED = frozenset({"schema_version", "name", "description", "measured", "catalog", "part_measurements"})
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from optopad.design.errors import DesignError, InputError
-from optopad.design.preset import preset
+from optopad.design.preset import FLOOR_PRESETS, preset
 from optopad.design.search.explore import explore
 from optopad.design.search.improve import (
     AMPLE_MARGIN,
@@ -83,6 +83,13 @@ def test_what_costs_little_varies_by_default():
     assert "layout.0.parts_per_side" in [field.path for field in space_of(PAD, more_parts=True).fields]
     ohms = PAD.with_(**{"gain.feedback_ohm": 100000.0})
     assert "gain.target_counts" not in [field.path for field in space_of(ohms).fields]
+
+
+@pytest.mark.parametrize("name", FLOOR_PRESETS)
+def test_a_pad_on_a_board_has_fields_that_vary(name):
+    paths = [field.path for field in space_of(preset(name)).fields]
+    assert CLEAR in paths
+    assert not set(HEIGHTS) & set(paths)
 
 
 @pytest.mark.slow

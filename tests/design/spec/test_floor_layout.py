@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from optopad.design.errors import DesignError
-from optopad.design.shape.cavity import PlacedPart, cavity_of, direct_path_pairs
+from optopad.design.shape.cavity import FLOOR_REACH, PlacedPart, cavity_of, direct_path_pairs
 from optopad.design.spec import SensorDesign
 from tests.design.spec.spec_fields import good_disc, with_layout
 
@@ -148,7 +148,7 @@ def test_a_ring_inside_a_stadium_keeps_its_distance_from_the_outline() -> None:
 
 
 def test_parts_near_enough_for_light_by_way_of_the_top_make_a_pair() -> None:
-    reach = 4.0 * 8.0
+    reach = FLOOR_REACH * 8.0
     wide = {"cavity.length_mm": 60.0, "mold.outer_length_mm": 73.0}
     for apart, has_path in ((reach, True), (reach + 0.1, False)):
         pair = (single(10.0, 16.0), single(10.0 + apart, 16.0, kind="receiver"))
