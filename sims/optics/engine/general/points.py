@@ -34,8 +34,9 @@ PITCH = 0.38
 width; this mean is the width of an image half-way between them. At an image step of 0.7 the change of light by a press
 on the dome has an error of 0.3 to 1.2 noise units rms with emitters of 0.3 mm, and of 0.4 to 1.7 with emitters of 1.1
 mm."""
-SKIN_PITCH = 0.3
-"""Size of cells under a skin that scatters at an image step of 1, relative to the thickness of the layer."""
+SKIN_PITCH, SKIN_STEP = 0.3, 0.2
+"""Size of cells under a skin that scatters at an image step of 1, relative to the thickness of the layer; and least image
+step there, as finer cells change less than other errors."""
 DIVISIONS = 4
 """Largest number of times that a cell of the grid is divided."""
 RINGS_TO_SKIRT, RINGS_TO_CONTACT = 1.3, 2.0
@@ -118,7 +119,7 @@ def pitch_of(settings: Accuracy, scene: OpticalScene, emitters: FloatArray, rece
     Under a skin that scatters, it is small relative to the thickness of the layer, over which light on the top varies.
     """
     if scene.top_finish == "diffuse":
-        return float(SKIN_PITCH * np.sqrt(settings.image_step) * scene.height_mm)
+        return float(SKIN_PITCH * np.sqrt(max(settings.image_step, SKIN_STEP)) * scene.height_mm)
     narrowest = [2.0 * float(windows[:, [HALF_U, HALF_V]].min()) for windows in (emitters, receivers)]
     return float(PITCH * np.sqrt(settings.image_step) * np.mean(narrowest))
 

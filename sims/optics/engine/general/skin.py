@@ -81,6 +81,9 @@ def skin_flux(
             x, y, _ = into(top, p[PX], p[PY], p[PZ])
             work[AT], work[AT + 1], work[AT + 2] = x, y, dimple(top, x, y)[0]
         for k in range(amounts.shape[0]):
+            amounts[k] = 0.0
+            if not (wanted[k].any() if k < many else wanted[:, k - many].any()):
+                continue
             face = emitters[k] if k < many else receivers[k - many]
             is_hidden = pressed and not sight_is_open(k, top, work)
             amounts[k] = _exchanged(face, p, absorbs, is_hidden, top)
