@@ -150,7 +150,7 @@ DEFAULT_BOOT_S = 2.5
 class Part(Model):
     """An emitter or a receiver: its optical properties, and the dimensions of its body and leads."""
 
-    unsaid = (*_EMITTER_OPTIONS, *_RECEIVER_OPTIONS, "view")
+    unsaid = (*_EMITTER_OPTIONS, *_RECEIVER_OPTIONS, "view", "junction")
 
     kind: Annotated[Literal["emitter", "receiver"], Field(description="emitter or receiver")]
     title: Title
@@ -167,6 +167,9 @@ class Part(Model):
             description="top: the light leaves opposite to the leads, as from a round 5 mm LED; side: across them"
         ),
     ] = None
+    junction: Annotated[
+        Literal["photodiode", "phototransistor"], Field(description="receiver: kind of its junction")
+    ] = "photodiode"
     active_width_mm: Annotated[LengthMm, Field(description="emitting or sensitive area, along the wall")]
     active_height_mm: Annotated[LengthMm, Field(description="emitting or sensitive area, upward")]
     half_angle_deg: Annotated[HalfAngleDeg, Field(description="angle at which intensity or response is half")]

@@ -29,7 +29,7 @@ from optopad.design.fields.quantity import (
 
 Finish = Literal["diffuse", "specular"]
 Wavelength = Annotated[float, Field(ge=200.0, le=2000.0)]
-Share = Annotated[float, Field(ge=0.0, le=1.0)]
+Share = Annotated[float, Field(ge=0.0, le=0.99)]
 
 
 class ReflectanceTable(Model):

@@ -14,6 +14,7 @@ from optopad.design.fields.finding import Finding, error, mm, outside_models, wa
 from optopad.design.fields.quantity import ROUNDING_MM
 from optopad.design.rules.shape import LARGEST_SHARE_OF_LAYER
 from optopad.design.shape.cavity import PlacedPart
+from optopad.design.spec.layout import RingInside
 
 APART_MM = 0.2
 """Least gap between the bodies of two parts on a board, and from a body to the frame's wall [mm].
@@ -47,6 +48,26 @@ def floor_findings(draft: Draft) -> Iterator[Finding]:
             way_out="move them inward, lower the pitch, or enlarge the cavity",
         )
     yield from _overlap_findings(parts)
+    half_mm = min(draft.plan.length_mm, draft.plan.width_mm) / 2
+    for number, pattern in enumerate(draft.design.layout):
+        if isinstance(pattern, RingInside) and pattern.inset_mm >= half_mm:
+            yield error(
+                f"layout.{number}.inset_mm",
+                "no line is left inside the pad for the ring",
+                value=mm(pattern.inset_mm),
+                limit=f"less than {mm(half_mm)}, half of the shorter side",
+                way_out="lower it",
+            )
+    for field in ("emitters", "receivers"):
+        height = getattr(draft.design, field).height_mm
+        if height is not None and len(parts) == len(draft.cavity.parts):
+            yield warning(
+                f"{field}.height_mm",
+                "parts on the floor stand on the board, so this height has no effect",
+                value=mm(height),
+                limit="left out",
+                way_out="remove it, or give a part's own height_mm in [[layout]]",
+            )
 
 
 def _alike(parts: tuple[PlacedPart, ...]) -> list[list[PlacedPart]]:
@@ -188,7 +209,7 @@ def _overlap_findings(parts: tuple[PlacedPart, ...]) -> Iterator[Finding]:
     found = []
     bodies = [(part, part.footprint_mm, _reach_mm(part)) for part in parts]
     for (one, mine, near), (other, theirs, far) in combinations(bodies, 2):
-        if one.coupler is not None and one.coupler == other.coupler:
+        if one.coupler is not None and one.coupler == other.coupler and _share_package(one, other):
             continue
         if math.dist(one.position_mm[:2], other.position_mm[:2]) < near + far + APART_MM:
             gap = _gap_mm(mine, theirs)
@@ -205,6 +226,12 @@ def _overlap_findings(parts: tuple[PlacedPart, ...]) -> Iterator[Finding]:
             limit=f"at least {mm(APART_MM)}",
             way_out="raise the pitch, use fewer parts, or smaller ones",
         )
+
+
+def _share_package(one: PlacedPart, other: PlacedPart) -> bool:
+    """Whether two halves of a coupler are one package: entries of the catalogue named alike but for their kind."""
+    stems = {part.part_id.removesuffix(f"-{part.kind}") for part in (one, other)}
+    return len(stems) == 1 and one.part_id != other.part_id
 
 
 def _gap_mm(one: FloatArray, other: FloatArray) -> float:

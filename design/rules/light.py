@@ -17,7 +17,7 @@ import numpy as np
 
 from optopad.design.draft import Draft
 from optopad.design.errors import DesignError
-from optopad.design.fields.finding import Finding, error, mm, outside_models, warning
+from optopad.design.fields.finding import FAILS, Finding, error, mm, outside_models, warning
 from optopad.design.fields.quantity import ROUNDING_MM
 from optopad.design.parts.angular import FLAT_FACE_LEAST_DEG
 from optopad.design.parts.catalog import Part
@@ -421,6 +421,7 @@ def angle_findings(cavity: CavityGeometry) -> Iterator[Finding]:
         yield from _lens_findings(placed.part, placed.part_id, placed.origin)
         yield from _table_findings(placed.part, placed.part_id, placed.origin)
         yield from _view_findings(placed.part, placed.part_id)
+        yield from _junction_findings(placed.part, placed.part_id, placed.origin)
 
 
 def _half_angle_deg(part: Part) -> float:
@@ -440,6 +441,19 @@ def _lens_findings(part: Part, part_id: str, origin: str) -> Iterator[Finding]:
         limit=f"{FLAT_FACE_LEAST_DEG:g} deg or more, as behind a flat face",
         way_out="choose a flat part, or measure the angles in elastomer and give them as a table",
     )
+
+
+def _junction_findings(part: Part, part_id: str, origin: str) -> Iterator[Finding]:
+    if part.kind == "receiver" and part.junction == "phototransistor":
+        yield warning(
+            origin,
+            f"{part_id} is a phototransistor, and the amplifiers give it no voltage to work: light and mold are right, "
+            "the circuit is not",
+            value="0 V from collector to emitter",
+            limit="a photodiode",
+            way_out="use a photodiode, or another input circuit than that of the schematic",
+            weight=FAILS,
+        )
 
 
 def _view_findings(part: Part, part_id: str) -> Iterator[Finding]:

@@ -558,6 +558,7 @@ def _standing(design: SensorDesign, place: Placement, bare: Plan, part_id: str, 
         name=FLOOR, origin=place.at_mm, tangent=(-sine, cosine), outward=(-cosine, -sine), length_mm=0.0
     )
     rests = _face_in_body_mm(part, place.tilt_deg) - design.cavity.black_thickness_mm
+    rests = 0.0 if abs(rests) < ROUNDING_MM else rests
     reach = max(part.active_width_mm.value, part.active_height_mm.value) / 2
     corners = [line.point(a, b) for a in (-reach, reach) for b in (-reach, reach)]
     inside = [bare.top_mm(*corner) for corner in corners if bare.contains(*corner)]

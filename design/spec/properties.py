@@ -190,8 +190,16 @@ def used_values(design: SensorDesign) -> tuple[UsedValue, ...]:
         UsedValue(path=path, quantity=_design_quantity(design, path, band))
         for path, band in _bands_in_use(design).items()
     ]
+    standing = {
+        (place.part or _section(design, place.kind).part, place.kind)
+        for place in _placements(design)
+        if place.wall == FLOOR and place.height_mm is None
+    }
     for part_id, kind in _parts_in_use(design):
         found += _values_of_part(part_of(design, part_id, kind), part_id)
+        if (part_id, kind) in standing:
+            depth = quantities_of(part_of(design, part_id, kind))["body_depth_mm"]
+            found.append(UsedValue(path=f"part_measurements.{part_id}.body_depth_mm", quantity=depth))
         if not isinstance(design.gain.feedback_ohm, str):
             found += _values_of_gain(part_of(design, part_id, kind), part_id)
     if design.surfaces.wall_finish == "glossy" and (behind := wall_index(design)) is not None:
@@ -253,6 +261,9 @@ def _bands_in_use(design: SensorDesign) -> dict[str, Band]:
     stands on the board has no height to set.
     """
     bands = dict(_bands())
+    of_board = bands.pop("board")
+    if design.cavity.black_thickness_mm == 0.0 and any(place.wall == FLOOR for place in _placements(design)):
+        bands["surfaces.bottom_reflectance"] = of_board
     for section, kind in SECTIONS.items():
         band = bands.pop(f"{section}.height_mm")
         for place in _placements(design):
@@ -340,8 +351,8 @@ def cheap_fields(design: SensorDesign) -> tuple[str, ...]:
         for name in ALONG
         if getattr(pattern, name, None) is not None
     )
-    given = (design.emitters.height_mm, design.receivers.height_mm)
-    heights = (path for path, height in zip(HEIGHTS, given, strict=True) if height is not None)
+    in_walls = {place.kind for place in _placements(design) if place.wall != FLOOR}
+    heights = (f"{section}.height_mm" for section, kind in SECTIONS.items() if kind in in_walls)
     return *heights, CLEAR, *by_rule, *along
 
 

@@ -392,7 +392,7 @@ def _lack(
 
 
 def _reach_mm(cavity: CavityGeometry, curves: PairCurves) -> float:
-    """Depth at which the tip meets the direct path's upper edge [mm]."""
+    """Depth at which the tip meets the direct path's upper edge [mm]; the layer's thickness if there is no path."""
     ends = (cavity.emitters[curves.pair[0]], cavity.receivers[curves.pair[1]])
     _, share = beside_chord(cavity, curves.pair, curves.press_mm)
     upper = [min(one.height_mm + one.rise_mm, cavity.clear_mm) for one in ends]

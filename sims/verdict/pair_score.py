@@ -30,8 +30,9 @@ stretch of 0.3 mm or more. The signal may still drift by more than 3 units from 
 a slope below 10 units/mm is one deadband throughout. A steep step of more than 6 units keeps two plateaus apart, since
 the interval of each extends less than 3 units into the step. A smaller step does not.
 
-Deadbands end at `end_mm`, the end of mode 2. Flatness beyond it is *saturation*: the tip already blocks the pair, so no
-further change is expected. A plateau across `end_mm` counts as a deadband only if its part before `end_mm` is long
+Deadbands end at `end_mm`, the end of mode 2, or of mode 1 for a pair without direct light. Flatness beyond it is
+*saturation*: the tip already blocks the pair, so no further change is expected. A plateau across `end_mm` counts as a
+deadband only if its part before `end_mm` is long
 enough. Several pairs together have a deadband only where the largest of their ranges is below 3.
 
 The result is exact for signals that are straight, in noise units, between the given depths. A clipped reading is flat,
@@ -442,6 +443,8 @@ def score_pair(
     unlimited = _unlimited_counts(depth, total, gain_counts_per_flux, full_scale_counts)
     modes = find_modes(depth, top, direct, tolerance=mode_tolerance)
     end = float(depth[-1]) if modes.mode2_mm[1] is None else modes.mode2_mm[1]
+    if not np.asarray(direct)[0] > 0.0 and modes.mode1_mm[1] > 0.0:
+        end = modes.mode1_mm[1]
     at_mm, counts = clipped(depth, unlimited, full_scale_counts)
     noise = {"read_noise_counts": read_noise_counts, "relative_noise": relative_noise}
     rule = {"end_mm": end, "min_length_mm": min_length_mm, **noise}

@@ -133,6 +133,10 @@ def _check_pose(kind: str, number: int, scene: OpticalScene) -> None:
         raise InputError(f"{kind}_pose: shape {np.shape(poses)}, needs a row of {POSE_COLUMNS} per {kind}")
     pose = poses[number]
     if not np.isfinite(pose).all() or not 0.0 <= pose[2] < scene.height_mm:
+        if -np.inf < pose[2] < 0.0:
+            raise InputError(
+                f"{kind} {number + 1}: the black layer covers its face by {-pose[2]:.2g} mm; pour less"
+            )
         raise InputError(
             f"{kind}_pose[{number}]: {pose}; must be finite, with z from 0 to {scene.height_mm:g} mm"
         )

@@ -16,7 +16,12 @@ from tests.design.spec.spec_fields import with_layout
 
 BOARD = {"pattern": "checkerboard", "columns": 4, "rows": 4, "pitch_mm": 6.0}
 """Emitters' bodies are 3 x 3, receivers' 4 x 4 mm, and all are 1.5 mm high."""
-BLACK = {"cavity.black_thickness_mm": 1.0, "operating.max_depth_mm": 2.0}
+BLACK = {
+    "cavity.black_thickness_mm": 1.0,
+    "operating.max_depth_mm": 2.0,
+    "emitters.height_mm": None,
+    "receivers.height_mm": None,
+}
 SKIN = {"finish": "diffuse", "reflectance": 0.6}
 
 
@@ -112,7 +117,7 @@ def test_a_press_must_not_reach_a_body_that_the_tip_passes_over() -> None:
 
 def test_parts_in_walls_and_on_the_floor_are_not_mixed() -> None:
     mixed = with_layout(
-        BOARD, single("emitter", "north", 16.0), **BENCHMARK, **BLACK, **{"emitters.height_mm": 4.0}
+        BOARD, single("emitter", "north", 16.0), **(BENCHMARK | BLACK | {"emitters.height_mm": 4.0})
     )
     finding = about(mixed, "in the walls and on the floor")
     assert (finding.severity, finding.value) == ("error", "1 in walls (E9 first), 16 on the floor")

@@ -5,8 +5,8 @@
 
 The integral is over both faces. L is the emitter's radiance divided by its power per area; A is the share of light that
 the receiver counts. In plan the pad and its crown are convex, so only the tip and its dimple can come between two
-faces. A column of the receiver is lit from its lower end up to a horizon, which is found by halving an interval; Gauss'
-rule covers the lit part.
+faces. A column of the receiver is lit from its lower end up to a horizon, or a leaning one from its upper end down; the
+horizon is found by halving an interval. Gauss' rule covers the lit part.
 
 A column that is lit in two separate parts is not modelled.
 """
@@ -21,6 +21,7 @@ from optopad.sims.optics.engine.general.rays import (
     HALF_U,
     HALF_V,
     INSIDE,
+    NZ,
     WALL,
     lobe,
     onto,
@@ -57,17 +58,21 @@ def straight_flux(
             x, y, z = window_point(e, nodes_e[a], nodes_e[b])
             share = weights_e[a] * weights_e[b]
             for c in range(nodes_u.shape[0]):
-                high = 1.0
+                low, high = -1.0, 1.0
                 if top.numbers[OUTER] > 0.0:
                     tx, ty, tz = window_point(r, nodes_u[c], 1.0)
                     if not sees(x, y, z, tx, ty, tz, top):
-                        high = _horizon(x, y, z, r, nodes_u[c], top)
-                half = 0.5 * (high + 1.0)
+                        high = _horizon(x, y, z, r, nodes_u[c], -1.0, top)
+                    elif r[NZ] != 0.0:  # the face leans, so either end may be the shaded one
+                        tx, ty, tz = window_point(r, nodes_u[c], -1.0)
+                        if not sees(x, y, z, tx, ty, tz, top):
+                            low = _horizon(x, y, z, r, nodes_u[c], 1.0, top)
+                half = 0.5 * (high - low)
                 if half <= 0.0:
                     continue
                 column = 0.0
                 for k in range(nodes_v.shape[0]):
-                    tx, ty, tz = window_point(r, nodes_u[c], -1.0 + half * (nodes_v[k] + 1.0))
+                    tx, ty, tz = window_point(r, nodes_u[c], low + half * (nodes_v[k] + 1.0))
                     dx, dy, dz = tx - x, ty - y, tz - z
                     s2 = dx * dx + dy * dy + dz * dz
                     s = math.sqrt(s2)
@@ -89,17 +94,20 @@ def straight_flux(
 
 
 @kernel
-def _horizon(x: float, y: float, z: float, r: FloatArray, u: float, top: FormedTop) -> float:
-    """Height up to which a receiver's column sees a point, -1 (not at all) to 1, in half heights from its middle."""
-    tx, ty, tz = window_point(r, u, -1.0)
+def _horizon(x: float, y: float, z: float, r: FloatArray, u: float, end: float, top: FormedTop) -> float:
+    """Where the part of a receiver's column ends that sees a point, in half heights from its middle.
+
+    end : the end, -1 or 1, from which the column is seen; it is returned if not even this end sees the point
+    """
+    tx, ty, tz = window_point(r, u, end)
     if not sees(x, y, z, tx, ty, tz, top):
-        return -1.0
-    low, high = -1.0, 1.0
+        return end
+    seen, dark = end, -end
     for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
+        middle = 0.5 * (seen + dark)
         tx, ty, tz = window_point(r, u, middle)
         if sees(x, y, z, tx, ty, tz, top):
-            low = middle
+            seen = middle
         else:
-            high = middle
-    return 0.5 * (low + high)
+            dark = middle
+    return 0.5 * (seen + dark)

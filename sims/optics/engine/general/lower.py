@@ -58,6 +58,8 @@ REACH_SHARE = 0.97
 """Largest distance of the pad's points from the axis of a press, relative to the crown's radius; farther away the crown
 is too steep."""
 OUTLINE_PLACES = 1440
+DARK = 1e-12
+"""Share of light that a diffuse skin of reflectance 0 scatters in the model, as 0 stands for a bare top [-]."""
 FLUSH_MM = 1e-9
 """Height of a face that looks up at or below which it is part of the bottom [mm]."""
 FRAME = 12
@@ -314,7 +316,9 @@ def formed_top(
     kind, radius, mean = _crown_numbers(form.top)
     numbers = np.zeros(NUMBERS)
     numbers[:3] = kind, radius, mean
-    numbers[SKIN] = {"bare": BARE, "specular": MIRRORING, "diffuse": scene.top_reflectance}[scene.top_finish]
+    numbers[SKIN] = {"bare": BARE, "specular": MIRRORING, "diffuse": max(scene.top_reflectance, DARK)}[
+        scene.top_finish
+    ]
     row = empty_row()
     if press is not None:
         row, radii = _lowered(press, mean, scene.height_mm)

@@ -53,6 +53,8 @@ FINER_LATTICE = 2.0**-1.5
 STRAIGHT_NODES, LEAST_NODES = 12, (5, 24, 4)
 """Number of Gauss nodes for direct light: in each direction for the untouched pad; and the smallest numbers under a
 press, over the emitter, the receiver's columns and the height of a column."""
+MOST_CELLS = 4_000_000
+"""Largest table of distances to receivers that look up; larger ones take more memory than they save time."""
 MOST_MIRRORED = 1000
 _MIRRORED: dict[bytes, FloatArray] = {}
 _LOCK = threading.Lock()
@@ -111,7 +113,8 @@ class FormedPad:
     def _away(self) -> FloatArray:
         """(receiver, x, y) least distance of cells to each receiver; empty unless all look up and are equally high."""
         faces = self.receivers
-        if (faces[:, NZ] != -1.0).any() or np.ptp(faces[:, CZ]) > 0.0:
+        cells = len(faces) * self.scene.length_mm * self.scene.width_mm / CELL_MM**2
+        if (faces[:, NZ] != -1.0).any() or np.ptp(faces[:, CZ]) > 0.0 or cells > MOST_CELLS:
             return np.zeros((0, 0, 0))
         x, y = (
             (np.arange(int(side / CELL_MM) + 1) + 0.5) * CELL_MM

@@ -35,8 +35,8 @@ width; this mean is the width of an image half-way between them. At an image ste
 on the dome has an error of 0.3 to 1.2 noise units rms with emitters of 0.3 mm, and of 0.4 to 1.7 with emitters of 1.1
 mm."""
 SKIN_PITCH, SKIN_STEP = 0.3, 0.2
-"""Size of cells under a skin that scatters at an image step of 1, relative to the thickness of the layer; and least image
-step there, as finer cells change less than other errors."""
+"""Size of cells under a skin that scatters at an image step of 1, relative to the thickness of the layer; and least
+image step there, as finer cells change less than other errors."""
 DIVISIONS = 4
 """Largest number of times that a cell of the grid is divided."""
 RINGS_TO_SKIRT, RINGS_TO_CONTACT = 1.3, 2.0

@@ -223,6 +223,7 @@ def _scattered(ways: FormedWays, top: FormedTop, wanted: BoolArray) -> tuple[Flo
         pad.scene.tip_reflectance, tip, out=np.zeros(TIP_PATCHES), where=tip > 0.0
     )
     area = pad.receivers[:, AREA]
+    of_skin = untouched if pad.scene.top_finish == "diffuse" else 0.0  # which no wall or bottom scatters
     found, squares = [], []
     for shift, before in zip(ways.rays, ways.deposits, strict=True):
         now = pad.deposits(top, wanted, shift)
@@ -234,7 +235,7 @@ def _scattered(ways: FormedWays, top: FormedTop, wanted: BoolArray) -> tuple[Flo
                 for one, other in zip(np.split(given, 2), np.split(taken, 2), strict=True)
             )
             ratio = np.divide(pressed, flat, out=np.zeros_like(flat), where=flat > 0.0)
-            return np.asarray(np.where(flat > 0.0, untouched * ratio, pressed * area))
+            return np.asarray(np.where(flat > 0.0, untouched * ratio, of_skin + pressed * area))
 
         value, error = jackknifed(both, scattered)
         found.append(value)
