@@ -142,15 +142,17 @@ class Settings:
     has_detection: bool = False
     has_losses: bool = False
 
-    def for_pairs(self, count: int) -> Settings:
-        """These settings, adapted to the number of judged pairs of a layout.
+    def for_pairs(self, count: int, *, is_skin: bool = False) -> Settings:
+        """These settings, adapted to the number of judged pairs of a layout, and to a skin on the top.
 
         Above `MANY_PAIRS` judged pairs, single pairs get the coarser depth steps of the map, as they take long and a
         pad's verdict follows from its map. For example, 30 LEDs and 32 photodiodes make 960 pairs, of which 552 are
         judged. The first trace for the bounds then uses more rays. In one measurement at equal cost, 16 of 27 voxels
         deeper than 0.3 mm had to be traced again after a first trace with the usual rays, but only 2 after one with
-        more rays.
+        more rays. Under a skin no finer setting has smaller errors, so the bounds are traced once.
         """
+        if is_skin:
+            return replace(self, step_mm=max(self.step_mm, self.map_step_mm), bounds=self.bounds[:1])
         if count <= MANY_PAIRS:
             return self
         bounds = MANY_PAIRS_BOUNDS if self.bounds == BOUND_ACCURACIES else self.bounds
@@ -394,7 +396,7 @@ class Judge:
     ) -> None:
         self.draft, self.design, self.seed, self.also_mm = draft, draft.design, seed, also_mm
         row = SETTINGS[settings] if isinstance(settings, str) else settings
-        self.settings = row.for_pairs(len(self.names))
+        self.settings = row.for_pairs(len(self.names), is_skin=self.design.top is not None)
         self.tell = on_step or (lambda _stage, _share: None)
 
     def take(self, readout: Readout, pad_map: PadMap, light: LightSignals) -> None:

@@ -38,7 +38,7 @@ REFERENCE_PATCH_MM, PATCHES_ERROR = 0.5, 3e-3
 REFERENCE_RAYS, REFERENCE_WALKS = 32768, 8
 """Rays per emitter for the untouched pad's scattered light, and number of groups with different offsets. If the
 settings have fewer rays, fewer are used here, too, and the grid's cells grow by the square root of the ratio."""
-DEPOSIT_RAYS, DEPOSIT_RAYS_UNDER_SKIN, SKIN_RAYS = 2048, 512, 2048
+DEPOSIT_RAYS, DEPOSIT_RAYS_UNDER_SKIN, SKIN_RAYS = 2048, 512, 1024
 """Rays per part for light on patches, fewer under a skin that scatters, where other errors are larger; and per emitter
 for light that the skin scatters twice or more."""
 PART_SHARE, SPHERE_PART_SHARE = 0.3, 0.15

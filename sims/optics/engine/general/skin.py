@@ -51,8 +51,9 @@ from optopad.sims.optics.engine.general.scattered import (
 from optopad.sims.optics.engine.general.top import OUTER, FormedTop, dimple, into, normal_at, out_of
 from optopad.sims.optics.surface.radial import kernel
 
-WIDE = 0.2
-"""Half size of a face over its distance from which Gauss' rule has four nodes in each direction, else two."""
+WIDE, NARROW = 0.2, 0.07
+"""Half size of a face over its distance from which Gauss' rule has four nodes in each direction, and below which it has
+one, else two. One node is off by up to 0.2 %, nearly equally with and without a press."""
 GAUSS_2 = (-0.5773502691896258, 0.5773502691896258)
 GAUSS_4 = (-0.8611363115940526, -0.33998104358485626, 0.33998104358485626, 0.8611363115940526)
 WEIGHTS_4 = (0.34785484513745385, 0.6521451548625461, 0.6521451548625461, 0.34785484513745385)
@@ -136,13 +137,18 @@ def skin_again(
 def _exchanged(face: FloatArray, p: FloatArray, absorbs: float, is_hidden: bool, top: FormedTop) -> float:
     """∫ lobe c c_P e^(-μ s) / s² dA over a face, seen from a point of the top; `is_hidden`: if it may be hidden."""
     far = math.sqrt((face[CX] - p[PX]) ** 2 + (face[CY] - p[PY]) ** 2 + (face[CZ] - p[PZ]) ** 2)
-    is_near = max(face[HALF_U], face[HALF_V]) > WIDE * far
-    count = 4 if is_near else 2
+    wide = max(face[HALF_U], face[HALF_V]) / far
+    is_near, is_far = wide > WIDE, wide < NARROW
+    count = 1 if is_far else (4 if is_near else 2)
     total = 0.0
     for a in range(count):
-        u, weight_u = (GAUSS_4[a], WEIGHTS_4[a]) if is_near else (GAUSS_2[a % 2], 1.0)
+        u, weight_u = (
+            (GAUSS_4[a], WEIGHTS_4[a]) if is_near else ((0.0, 2.0) if is_far else (GAUSS_2[a % 2], 1.0))
+        )
         for b in range(count):
-            v, weight_v = (GAUSS_4[b], WEIGHTS_4[b]) if is_near else (GAUSS_2[b % 2], 1.0)
+            v, weight_v = (
+                (GAUSS_4[b], WEIGHTS_4[b]) if is_near else ((0.0, 2.0) if is_far else (GAUSS_2[b % 2], 1.0))
+            )
             x, y, z = window_point(face, u, v)
             dx, dy, dz = x - p[PX], y - p[PY], z - p[PZ]
             s2 = dx * dx + dy * dy + dz * dz
