@@ -83,7 +83,7 @@ class Rise:
         """One sentence that describes the rise."""
         x_mm, y_mm = self.place_mm
         why = (
-            "the press tilts the top towards the receiver, which mirrors more light"
+            "the press tilts the top towards the receiver, which then gets more of its light"
             if self.part != "other light"
             else "light other than the mirrored one increases"
         )
