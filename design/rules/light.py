@@ -34,7 +34,6 @@ from optopad.design.rules.shape import (
     thinnest_elastic_mm,
 )
 from optopad.design.shape.cavity import (
-    FLOOR_REACH,
     CavityGeometry,
     PlacedPart,
     beside_chord,
@@ -109,7 +108,7 @@ def path_findings(cavity: CavityGeometry) -> Iterator[Finding]:
                 "layout",
                 "no emitter has a receiver near enough for light by way of the top",
                 value=f"{mm(min(apart))} to the nearest",
-                limit=f"at most {FLOOR_REACH:g} x cavity.clear_thickness_mm = {mm(FLOOR_REACH * cavity.clear_mm)}",
+                limit=f"at most {mm(cavity.reach_mm)}: {cavity.reach_mm / cavity.clear_mm:g} x cavity.clear_thickness_mm",
                 way_out="bring emitters and receivers nearer to each other, or thicken the clear layer",
             )
         return

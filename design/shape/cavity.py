@@ -17,7 +17,7 @@ A `Plan` combines the pad's outline, seen from above, with its top. In a round w
 The module also selects the emitter-receiver pairs whose response is judged, and the location of the press for each.
 
 The chord of a pair is the straight line between its parts, seen from above. A pair has a path if its parts are in
-different walls, or both on the floor and at most `FLOOR_REACH` clear layers apart: a press changes the light that goes
+different walls, or both on the floor and near each other (`reach_mm`): a press changes the light that goes
 by way of the top. The press for a pair is at the midpoint of its chord, or at the nearest location in the workspace.
 The pair is judged if the tip is then over the chord. Other pairs are reported but not judged: those with both parts in
 one wall, and those across a corner that no press can reach. In facing rows, all emitters are in one wall and all
@@ -412,6 +412,7 @@ class CavityGeometry:
     emitters, receivers : placed parts in the order of the arrays and pins
     workspace : area of the permitted press locations
     tip_radius_mm : radius of the indenter; a pair is judged if its press is within this distance of its chord
+    reach_mm : largest distance of two parts on the floor that count as a pair with a path
     """
 
     plan: Plan
@@ -420,6 +421,7 @@ class CavityGeometry:
     receivers: tuple[PlacedPart, ...]
     workspace: Outline
     tip_radius_mm: float
+    reach_mm: float
 
     @property
     def length_mm(self) -> float:
@@ -486,6 +488,7 @@ def cavity_of(design: SensorDesign) -> CavityGeometry:
         receivers=tuple(part for part in placed if part.kind == "receiver"),
         workspace=workspace_of(design),
         tip_radius_mm=design.indenter.tip_radius_mm,
+        reach_mm=(FLOOR_REACH if design.top is None else SKIN_REACH) * bare.clear_mm,
     )
 
 
@@ -592,11 +595,11 @@ def _top_over_mm(bare: Plan, line: Line, along_mm: float, half_width_mm: float) 
     return min(bare.top_mm(*line.point(along_mm + side)) for side in (-half_width_mm, half_width_mm))
 
 
-FLOOR_REACH = 2.5
+FLOOR_REACH, SKIN_REACH = 2.5, 1.5
 """Largest distance of two parts on the floor that count as a pair with a path [thicknesses of the clear layer].
 
-A bare flat top mirrors all light between parts that are 2.0 thicknesses apart or more (critical angle 45 degrees), and
-these pairs are the brightest. Under a skin, the brightest are nearer.
+Under a bare top, and under a skin. A bare flat top mirrors all light between parts that are 2.0 thicknesses apart or
+more (critical angle 45 degrees), and these pairs are the brightest. Under a skin, the nearest are.
 """
 FACING_TOLERANCE_MM = 1e-6
 """Parts in opposite walls face each other if their positions along the walls differ by at most this [mm]."""
@@ -604,7 +607,7 @@ FACING_TOLERANCE_MM = 1e-6
 
 def direct_path_pairs(cavity: CavityGeometry) -> BoolArray:
     """Whether the parts of each pair are in different walls, or near on the floor, (emitter, receiver)."""
-    reach = FLOOR_REACH * cavity.clear_mm
+    reach = cavity.reach_mm
 
     def is_near(e: PlacedPart, r: PlacedPart) -> bool:
         return math.dist(e.position_mm[:2], r.position_mm[:2]) <= reach if e.is_on_floor else False
