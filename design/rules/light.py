@@ -108,7 +108,7 @@ def path_findings(cavity: CavityGeometry) -> Iterator[Finding]:
                 "layout",
                 "no emitter has a receiver near enough for light by way of the top",
                 value=f"{mm(min(apart))} to the nearest",
-                limit=f"at most {mm(cavity.reach_mm)}: {cavity.reach_mm / cavity.clear_mm:g} x cavity.clear_thickness_mm",
+                limit=f"at most {mm(cavity.reach_mm)}, {cavity.reach_mm / cavity.clear_mm:g} clear layers",
                 way_out="bring emitters and receivers nearer to each other, or thicken the clear layer",
             )
         return
