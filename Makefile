@@ -90,6 +90,8 @@ validate: setup ## the figures of docs/validation, made anew (hours; interrupted
 	$(BIN)/python -m tests.validation.light.light_pad
 	$(BIN)/python -m tests.validation.light.shapes_table
 	$(BIN)/python -m tests.validation.light.tips_table
+	$(BIN)/python -m tests.validation.light.floor_table
+	$(BIN)/python -m tests.validation.light.vcnl_table
 	$(BIN)/python -m tests.validation.light.light_oracle
 	$(BIN)/python -m tests.validation.light.crossing_light
 	$(BIN)/python -m tests.validation.light.light_walk
