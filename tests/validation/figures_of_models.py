@@ -232,6 +232,15 @@ def light() -> Iterator[Figure]:
     yield made(page, "shapes.stadium", max(column(score, "finer", lambda r: r["pad"] in stadium)), ".2f")
     yield made(page, "shapes.epoxy", max(column(score, "finer", lambda r: "epoxy" in r["pad"])), ".2f")
 
+    page = "tests/validation/light/floor_table.md"
+    worst = "worst pair, joint standard errors"
+    rows_ = table(page, "pad", "press mm", worst)
+    yield made(page, "floor.states", len(rows_))
+    yield made(page, "floor.pull", max(column(rows_, worst)), ".1f")
+    yield made(
+        page, "floor.all", max(abs(number(row["all: off, error %"].split(",")[0])) for row in rows_), ".1f"
+    )
+
     page = "docs/validation/crossing.md"
     rows_ = [row for row in table(page, "surface", "largest pair %") if row["surface"] == "contact"]
     for depth in (4, 5):
