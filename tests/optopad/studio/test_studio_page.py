@@ -171,6 +171,7 @@ def test_an_object_is_chosen_dragged_turned_refused_and_taken_away(tmp_path: Pat
         assert browser.errors == []
 
 
+@pytest.mark.full
 def test_a_second_tip_is_added_dragged_refused_and_taken_away(tmp_path: Path) -> None:
     with (
         studio(tmp_path, "piacenza2017-pad") as (page, _),

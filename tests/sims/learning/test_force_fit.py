@@ -123,7 +123,7 @@ def test_an_elastic_pad_has_no_relaxation_although_the_log_is_late():
     assert "relaxes   not found" in found.lines[1]
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_the_stated_error_is_that_of_many_repetitions():
     solid = StandardLinearSolid(relaxed_share=0.05, time_constant_s=1.0)
     found = [

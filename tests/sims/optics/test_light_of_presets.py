@@ -144,7 +144,7 @@ def test_next_to_no_press_changes_no_light_of_parts_with_angular_tables(name):
     check_next_to_no_press(name, OWN)
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize("name", BY_TIER)
 def test_next_to_no_press_changes_no_light_of_any_part_of_the_catalogue(name):
     check_next_to_no_press(

@@ -151,7 +151,7 @@ def test_a_fit_of_too_few_states_is_refused():
         fit_fast_light(optopad.load("gripper-teensy"), states=3)
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_a_small_fit_explains_most_of_the_light_of_objects(tmp_path):
     """With a hundredth of the states of a whole fit; the light is that of objects, traced anew."""
     design = optopad.load("piacenza2017-pair")

@@ -63,7 +63,7 @@ class BothBalls:
         return found[0], turn * found[1], turn[..., :, None] * found[2] * turn[..., None, :]
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_half_a_pad_with_both_balls_presses_like_the_quarter_with_one(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -111,11 +111,11 @@ class State:
         return replace(scene, receiver_response=np.tile(response, (len(scene.receiver_wall), 1)))
 
     def engines_top(self) -> tuple[Indentation | None, SmoothField | None]:
-        """The press and the field that the engine is given."""
+        """The press and the field that the engine is given; only the curve where the scene has a form, as in `mesh`."""
         if self.is_analytic:
             return compact_dimple(self.press[2]), None
         tops = pressed_tops(self.loaded, np.array([self.press]), by_symmetry=False)
-        return tops.near[0], tops.fields[0]
+        return tops.near[0], None if self.scene().form is not None else tops.fields[0]
 
     def surface(self) -> tuple[Indentation | None, FloatArray | None]:
         """The press as the contact model gives it, and on a flat rectangle the height beside it [mm]."""

@@ -114,7 +114,7 @@ def test_an_impossible_wanted_error_is_said_not_to_be_met():
     assert impossible.relative_error.max() > 1e-9
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_light_between_air_gap_walls_is_the_oracles():
     """Sums over pairs; both count hits, the engine's own wall light to 1.5 %, the oracle's to half a per cent."""
     scene = replace(SCENE, wall_index=1.0)
