@@ -109,7 +109,7 @@ def test_bad_input_is_refused() -> None:
         GraspDepth(DESIGN, light=FineLight(), render_mode="human")
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_the_simple_rule_of_the_page_reaches_the_depth(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:

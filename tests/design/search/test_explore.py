@@ -131,7 +131,7 @@ print(json.dumps([tried, [one.number for one in found.front], importances(cheap_
 """
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_a_search_does_not_depend_on_the_seed_of_pythons_hashes(tmp_path):
     said = []
     for seed in ("1", "2"):

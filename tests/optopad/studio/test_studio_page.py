@@ -137,6 +137,7 @@ def test_a_shaped_pad_is_pressed_by_a_click_and_a_disc_s_part_is_turned_undone_a
         assert browser.errors == []
 
 
+@pytest.mark.full
 def test_an_object_is_chosen_dragged_turned_refused_and_taken_away(tmp_path: Path) -> None:
     with studio(tmp_path) as (page, _), chromium_page(f"{page.url}?fixedDpr=1", 1300, 860) as browser:
         browser.wait_for_text("Pairs under the tip", 60)

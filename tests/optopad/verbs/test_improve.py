@@ -127,7 +127,7 @@ def test_an_interrupted_search_goes_on_to_the_same_files(design_file, capsys, mo
         assert Path(one["file"]).read_bytes() == Path(other["file"]).read_bytes()
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_an_interruption_leaves_what_an_earlier_run_found(design_file, capsys, monkeypatch):
     first = improved(design_file, capsys, "--out", "own")
     folder = Path(first["folder"])
@@ -240,7 +240,7 @@ def test_from_python_it_gives_designs(design_file, tmp_path, found):
     assert found.page.is_file()
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_an_aim_at_size_offers_a_mold_that_is_smaller_and_breaks_no_rule(design_file, capsys):
     given = load_design(design_file)
     first = improved(design_file, capsys, "--aim", "size", "--budget", "0.2", "--out", "own")["alternatives"][

@@ -39,6 +39,7 @@ def few_values(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.full
 def test_an_interrupted_study_goes_on_where_it_stopped(few_values, monkeypatch, capsys):
     asked = []
     real = builds.facing_brief
