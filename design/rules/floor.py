@@ -60,7 +60,7 @@ def floor_findings(draft: Draft) -> Iterator[Finding]:
             )
     for field in ("emitters", "receivers"):
         height = getattr(draft.design, field).height_mm
-        if height is not None and len(parts) == len(draft.cavity.parts):
+        if height is not None and draft.design.is_on_board:
             yield warning(
                 f"{field}.height_mm",
                 "parts on the floor stand on the board, so this height has no effect",
@@ -91,14 +91,7 @@ def _option_findings(draft: Draft, parts: tuple[PlacedPart, ...]) -> Iterator[Fi
             way_out="put all on the floor with pattern = 'grid', 'checkerboard', 'ring_inside' or wall = 'floor', or "
             "all in walls",
         )
-    if design.surfaces.wall_finish != "diffuse":
-        yield error(
-            "surfaces.wall_finish",
-            "light between parts on the floor is not traced by way of smooth walls",
-            value=f"'{design.surfaces.wall_finish}'",
-            limit="'diffuse' with parts on the floor",
-            way_out="set it to 'diffuse'",
-        )
+    yield from _finish_findings(draft, "between parts on the floor", "parts on the floor")
     if not draft.plan.is_block:
         return  # the rules of shapes refuse a cover and a parted mold
     if design.mold.cover_ledge_mm:
@@ -116,6 +109,18 @@ def _option_findings(draft: Draft, parts: tuple[PlacedPart, ...]) -> Iterator[Fi
             value=f"'{design.mold.pieces}'",
             limit="'one' with parts on the floor",
             way_out="set it to 'one'",
+        )
+
+
+def _finish_findings(draft: Draft, where: str, needs: str) -> Iterator[Finding]:
+    finish = draft.design.surfaces.wall_finish
+    if finish != "diffuse":
+        yield error(
+            "surfaces.wall_finish",
+            f"light {where} is not traced by way of smooth walls",
+            value=f"'{finish}'",
+            limit=f"'diffuse' with {needs}",
+            way_out="set it to 'diffuse'",
         )
 
 
@@ -259,14 +264,8 @@ def skin_findings(draft: Draft) -> Iterator[Finding]:
     top = draft.design.top
     if top is None or (top.skin is not None and top.skin not in draft.entries.skins):
         return
-    if draft.design.surfaces.wall_finish != "diffuse" and not draft.cavity.on_floor:
-        yield error(
-            "surfaces.wall_finish",
-            "light under a skin is not traced by way of smooth walls",
-            value=f"'{draft.design.surfaces.wall_finish}'",
-            limit="'diffuse' with a skin on the top",
-            way_out="set it to 'diffuse', or remove [top]",
-        )
+    if not draft.cavity.on_floor:  # which has the same finding
+        yield from _finish_findings(draft, "under a skin", "a skin on the top")
     skin = draft.skin
     if skin is None or skin.thickness_mm is None or skin.youngs_modulus_mpa is None:
         return

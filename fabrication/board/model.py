@@ -56,9 +56,7 @@ class Pad:
     @property
     def corners(self) -> tuple[Point, ...]:
         """Corners of the pad's rectangle, counter-clockwise."""
-        half_x, half_y = self.width / 2, self.height / 2
-        ends = ((-half_x, -half_y), (half_x, -half_y), (half_x, half_y), (-half_x, half_y))
-        return tuple(moved(end, (self.x, self.y), self.angle_deg) for end in ends)
+        return rectangle((self.x, self.y), (self.width, self.height), self.angle_deg)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,9 +102,7 @@ class Footprint:
     @property
     def body_corners(self) -> tuple[Point, ...]:
         """Corners of the body's rectangle, counter-clockwise."""
-        half_x, half_y = self.body[0] / 2, self.body[1] / 2
-        ends = ((-half_x, -half_y), (half_x, -half_y), (half_x, half_y), (-half_x, half_y))
-        return tuple(moved(end, (self.x, self.y), self.angle_deg) for end in ends)
+        return rectangle((self.x, self.y), self.body, self.angle_deg)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -189,6 +185,12 @@ class Board:
             if pad.net:
                 found.setdefault(pad.net, []).append(f"{one.reference}-{pad.number}")
         return {net: tuple(found[net]) for net in sorted(found)}
+
+
+def rectangle(middle: Point, size: tuple[float, float], angle_deg: float) -> tuple[Point, ...]:
+    """Corners of a turned rectangle, counter-clockwise."""
+    x, y = size[0] / 2, size[1] / 2
+    return tuple(moved(end, middle, angle_deg) for end in ((-x, -y), (x, -y), (x, y), (-x, y)))
 
 
 def moved(point: Point, by: Point, angle_deg: float) -> Point:

@@ -26,16 +26,18 @@ from optopad.sims.optics.engine.general.rays import (
     BOTTOM,
     HALF_U,
     HALF_V,
-    NX,
-    NY,
-    NZ,
     TOP,
-    lobe,
     meeting,
     returned,
-    window_point,
 )
-from optopad.sims.optics.engine.general.scattered import FAINT, FIRST, about, face_before, number, window_at
+from optopad.sims.optics.engine.general.scattered import (
+    FAINT,
+    FIRST,
+    face_before,
+    scattered_way,
+    sent_ray,
+    window_at,
+)
 from optopad.sims.optics.engine.general.top import (
     GRID_STEP,
     PATCH,
@@ -66,12 +68,8 @@ def deposit(
     """Add to `out` (batch, patch) the light on patches from rays of an emitter or receiver; the tip's come last."""
     unit = 4.0 * window[HALF_U] * window[HALF_V] / window[10] / rays
     for n in range(rays):
-        x, y, z = window_point(
-            window, 2.0 * number(n, 0, steps, shift) - 1.0, 2.0 * number(n, 1, steps, shift) - 1.0
-        )
-        cosine = math.sqrt(number(n, 2, steps, shift))
-        dx, dy, dz = about(-window[NX], -window[NY], -window[NZ], cosine, number(n, 3, steps, shift))
-        weight = math.pi * lobe(window, cosine) * unit
+        x, y, z, dx, dy, dz, radiance = sent_ray(window, n, steps, shift)
+        weight = math.pi * radiance * unit
         for times in range(MOST_MIRRORS):
             t, what = meeting(x, y, z, dx, dy, dz, walls, arcs, top)
             if face_before(x, y, z, dx, dy, dz, t, receivers)[1] >= 0:
@@ -97,13 +95,7 @@ def deposit(
                 if weight < FAINT / rays:
                     break
                 first = FIRST + 2 * times % (steps.shape[0] - FIRST)
-                dx, dy, dz = about(
-                    -nx,
-                    -ny,
-                    -nz,
-                    math.sqrt(number(n, first, steps, shift)),
-                    number(n, first + 1, steps, shift),
-                )
+                dx, dy, dz = scattered_way(-nx, -ny, -nz, n, first, steps, shift)
                 x, y, z = x - 1e-7 * nx, y - 1e-7 * ny, z - 1e-7 * nz
                 continue
             weight *= returned(meets, index)

@@ -74,13 +74,8 @@ def scattered_flux(
     """
     submerged = e[HALF_V] * e[HALF_U] * 4.0 / e[10]
     for n in range(rays):
-        x, y, z = window_point(
-            e, 2.0 * number(n, 0, steps, shift) - 1.0, 2.0 * number(n, 1, steps, shift) - 1.0
-        )
-        c2 = number(n, 2, steps, shift)
-        cosine = math.sqrt(c2)
-        dx, dy, dz = about(-e[NX], -e[NY], -e[NZ], cosine, number(n, 3, steps, shift))
-        weight = math.pi * lobe(e, cosine) * submerged / rays
+        x, y, z, dx, dy, dz, radiance = sent_ray(e, n, steps, shift)
+        weight = math.pi * radiance * submerged / rays
         _walk(x, y, z, dx, dy, dz, weight, FAINT / rays, n, receivers, steps, shift, absorbs, index, reflectances,
               walls, arcs, top, out)  # fmt: skip
 
@@ -143,9 +138,28 @@ def _walk(
         if times > 0 or by_skin > 1:
             row = 0 if times == 1 else 1
             look(x, y, z, nx, ny, nz, weight, u, v, receivers, absorbs, top, out[row])
-        cosine = math.sqrt(number(n, first, steps, shift))
-        dx, dy, dz = about(nx, ny, nz, cosine, number(n, first + 1, steps, shift))
+        dx, dy, dz = scattered_way(nx, ny, nz, n, first, steps, shift)
         is_mirrored = False
+
+
+@kernel
+def sent_ray(
+    window: FloatArray, n: int, steps: FloatArray, shift: FloatArray
+) -> tuple[float, float, float, float, float, float, float]:
+    """Start of a window's ray on its face, its Lambertian direction, and the window's `lobe` there."""
+    x, y, z = window_point(
+        window, 2.0 * number(n, 0, steps, shift) - 1.0, 2.0 * number(n, 1, steps, shift) - 1.0
+    )
+    dx, dy, dz = scattered_way(-window[NX], -window[NY], -window[NZ], n, 2, steps, shift)
+    return x, y, z, dx, dy, dz, lobe(window, math.sqrt(number(n, 2, steps, shift)))
+
+
+@kernel
+def scattered_way(
+    nx: float, ny: float, nz: float, n: int, first: int, steps: FloatArray, shift: FloatArray
+) -> tuple[float, float, float]:
+    """Lambertian direction about a unit normal, by two random numbers of a ray from the dimension `first` on."""
+    return about(nx, ny, nz, math.sqrt(number(n, first, steps, shift)), number(n, first + 1, steps, shift))
 
 
 @kernel

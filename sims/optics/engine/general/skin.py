@@ -29,9 +29,6 @@ from optopad.sims.optics.engine.general.rays import (
     CZ,
     HALF_U,
     HALF_V,
-    NX,
-    NY,
-    NZ,
     TOP,
     lobe,
     meeting,
@@ -43,10 +40,11 @@ from optopad.sims.optics.engine.general.scattered import (
     FIRST,
     MOST_UNDER_SKIN,
     PER_SCATTER,
-    about,
     face_before,
     look,
     number,
+    scattered_way,
+    sent_ray,
 )
 from optopad.sims.optics.engine.general.top import OUTER, FormedTop, dimple, into, normal_at, out_of
 from optopad.sims.optics.surface.radial import kernel
@@ -109,12 +107,8 @@ def skin_again(
     """
     weight0 = math.pi * 4.0 * e[HALF_U] * e[HALF_V] / e[AREA] / rays
     for n in range(rays):
-        x, y, z = window_point(
-            e, 2.0 * number(n, 0, steps, shift) - 1.0, 2.0 * number(n, 1, steps, shift) - 1.0
-        )
-        cosine = math.sqrt(number(n, 2, steps, shift))
-        dx, dy, dz = about(-e[NX], -e[NY], -e[NZ], cosine, number(n, 3, steps, shift))
-        weight = weight0 * lobe(e, cosine)
+        x, y, z, dx, dy, dz, radiance = sent_ray(e, n, steps, shift)
+        weight = weight0 * radiance
         for times in range(MOST_UNDER_SKIN):
             t, what = meeting(x, y, z, dx, dy, dz, walls, arcs, top)
             if what != TOP or face_before(x, y, z, dx, dy, dz, t, receivers)[1] >= 0:
@@ -129,8 +123,7 @@ def skin_again(
                 u = 2.0 * number(n, first + 2, steps, shift) - 1.0
                 v = 2.0 * number(n, first + 3, steps, shift) - 1.0
                 look(x, y, z, -nx, -ny, -nz, weight, u, v, receivers, absorbs, top, out[n % RAY_BATCHES])
-            cosine = math.sqrt(number(n, first, steps, shift))
-            dx, dy, dz = about(-nx, -ny, -nz, cosine, number(n, first + 1, steps, shift))
+            dx, dy, dz = scattered_way(-nx, -ny, -nz, n, first, steps, shift)
 
 
 @kernel
