@@ -184,7 +184,7 @@ def write_fabrication(
     """Write sheets, circuit board and firmware; return the rows of the bill of materials."""
     from optopad.design.circuit.circuit import Circuit
     from optopad.design.pad import Pad
-    from optopad.fabrication.board import board_gaps, board_of, write_board
+    from optopad.fabrication.board import board_gaps, board_of, write_board, write_gaps
     from optopad.fabrication.sheets.all_sheets import write_sheets
     from optopad.fabrication.sheets.bom import bom_rows
     from optopad.fabrication.sheets.prices import priced
@@ -193,8 +193,11 @@ def write_fabrication(
     rows = priced(bom_rows(design, gain, mold_mm3), prices or {})
     (folder / "fabrication").mkdir(exist_ok=True)
     write_sheets(design, folder / "fabrication", gain, rows)
-    if not board_gaps(Circuit.of(design), gain):  # a chip whose pins are not known
-        write_board(board_of(design, gain), folder / "fabrication" / "board")
+    board = folder / "fabrication" / "board"
+    if gaps := board_gaps(Circuit.of(design), gain):  # a chip whose pins are not known
+        write_gaps(gaps, board)
+    else:
+        write_board(board_of(design, gain), board)
     if not firmware_gaps(Circuit.of(design)):  # a board that cannot be programmed has its warning
         write_sketch(firmware_settings(Pad.of(design)), folder / "fabrication" / "firmware")
     return rows

@@ -8,6 +8,7 @@ from __future__ import annotations
 import io
 import zipfile
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 
 from optopad.design.io import write_text_atomically
@@ -83,6 +84,12 @@ def notes_text(board: Board) -> str:
         *(f"- {note}" for note in board.notes),
     ]
     return "\n".join([*lines, ""])
+
+
+def write_gaps(gaps: Sequence[str], folder: Path) -> None:
+    """Write only the notes, with the reasons why there is no board, into a folder, which is created."""
+    folder.mkdir(parents=True, exist_ok=True)
+    write_text_atomically(folder / "notes.txt", f"WARNING: no board was made: {'; '.join(gaps)}\n")
 
 
 def board_texts(board: Board) -> dict[str, str]:

@@ -236,6 +236,20 @@ def checks_words(checks: Mapping[str, Any]) -> str:
     return f"{state}, {', '.join(named)}; see cad/checks.json"
 
 
+def board_words(bundle: Path) -> str:
+    """Text that says whether the circuit board of a bundle is finished, from its notes; empty without notes."""
+    try:
+        notes = (bundle / BOARD_NOTES).read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return ""
+    warned = [line.removeprefix("WARNING: ") for line in notes if line.startswith("WARNING: ")]
+    if warned:
+        return warned[0]
+    size = notes[1].removeprefix("Size ").split(",")[0] if len(notes) > 1 else "made"
+    return f"{size}, every connection has a track (read {BOARD_NOTES} before you order)"
+
+
+BOARD_NOTES = "fabrication/board/notes.txt"
 LEAST_DEPTH_MM = 1.0
 """Least depth for which a learner's errors are reported [mm]; lighter presses are detected, but hardly located."""
 

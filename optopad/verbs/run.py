@@ -27,7 +27,7 @@ from optopad.design.progress import OnStep, silent
 from optopad.design.rules.check import require_valid
 from optopad.design.spec import SensorDesign
 from optopad.fabrication.bundle import Part, altered_files, bundle, bundle_name, copy_part, current_files
-from optopad.screen.answer import Answer, checks_words, labelled, learner_words, row
+from optopad.screen.answer import Answer, board_words, checks_words, labelled, learner_words, row
 from optopad.screen.bundle import Bundle
 from optopad.screen.output import Told, foretell_score
 from optopad.work import OUT, beside, started
@@ -98,10 +98,26 @@ def run_command(
     if made.is_current:
         print("up to date: nothing changed since the run that made this bundle", file=sys.stderr)
     answer = Answer.read(made.folder / ANSWER)
-    page, mold = labelled("report", str(made.report)), checks_words(made.checks)
+    page, mold, board = (
+        labelled("report", str(made.report)),
+        checks_words(made.checks),
+        board_words(made.folder),
+    )
     if details:
-        return Told({}, [*answer.details, labelled("size", answer.size), labelled("mold", mold), page])
-    learner, closing = learner_words(made.folder, design.digest), [*row("mold", mold, 2), page]
+        return Told(
+            {},
+            [
+                *answer.details,
+                labelled("size", answer.size),
+                labelled("mold", mold),
+                *row("board", board, 99),
+                page,
+            ],
+        )
+    learner, closing = (
+        learner_words(made.folder, design.digest),
+        [*row("mold", mold, 2), *row("board", board, 3), page],
+    )
     return Told({}, answer.lines(closing, command=asked.words, is_built=True, learner=learner))
 
 

@@ -22,13 +22,21 @@ from optopad.design.errors import DesignError
 from optopad.design.mold.outline import outline_of
 from optopad.design.preset import PRESETS, preset
 from optopad.design.spec import SensorDesign
-from optopad.fabrication.board import Board, board_gaps, board_of, unrouted_words, write_board
+from optopad.fabrication.board import (
+    Board,
+    board_gaps,
+    board_of,
+    unrouted_words,
+    write_board,
+    write_gaps,
+)
 from optopad.fabrication.board.files import BILL_COLUMNS, PLACEMENT_COLUMNS, board_texts
-from optopad.fabrication.board.model import CLEARANCE_MM, EDGE_MM, BoardHole
+from optopad.fabrication.board.model import CLEARANCE_MM, EDGE_MM, BoardHole, Unrouted
 from optopad.fabrication.board.packages import board_data
 from optopad.fabrication.board.placement import placed
 from optopad.fabrication.board.router import routed
 from optopad.fabrication.connections import connections_of
+from optopad.screen.answer import board_words
 from tests.fabrication.board.copper import closest, pieces, pour_gap
 from tests.said import says
 
@@ -459,3 +467,15 @@ def test_a_part_that_no_circuit_reads_is_refused() -> None:
     layout = {"pattern": "grid", "kind": "coupler", "columns": 2, "rows": 2, "pitch_mm": 8.0, "apart_mm": 2.6}
     design = floor(layout, "vishay-vcnl4040-emitter", "vishay-vcnl4040-receiver")
     assert says(board_gaps(Circuit.of(design))[0], "vishay-vcnl4040-emitter ... I2C")
+
+
+def test_the_screen_says_whether_a_board_is_finished(tmp_path: Path) -> None:
+    assert board_words(tmp_path) == ""
+    board = board_of(preset("piacenza2017-pair"))
+    write_board(board, tmp_path / "fabrication" / "board")
+    assert says(board_words(tmp_path), "every connection has a track")
+    open_net = Unrouted(net="E1-K", start="E1-K", end="L1-1")
+    write_board(replace(board, unrouted=(open_net,)), tmp_path / "fabrication" / "board")
+    assert says(board_words(tmp_path), "1 of its connections has no track, of the nets E1-K")
+    write_gaps(["mcp1: unknown"], tmp_path / "fabrication" / "board")
+    assert says(board_words(tmp_path), "no board was made: mcp1: unknown")
